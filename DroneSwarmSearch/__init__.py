@@ -8,6 +8,7 @@ import gymnasium
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.drift.tracks import Tracks
 from DroneSwarmSearch.env import DroneSwarmSearch, parallel_env
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
@@ -22,6 +23,7 @@ __all__ = [
     "RewardScheme",
     "Scale",
     "Scenario",
+    "Tracks",
     "__version__",
     "parallel_env",
 ]
@@ -39,6 +41,7 @@ _SUBMODULES = (
     "priors",
     "rendering",
     "single_drone_env",
+    "survival",
     "training",
     "vector",
     "wrappers",

@@ -13,7 +13,8 @@ this one; L: timestep_limit; p: what the matrix that it observed holds for its c
 | anything else                                       | 1                               |
 
 With `RewardScheme.expected_finds`, a search pays `find` times the probability of success (POS)
-that it adds, whether or not it finds a person, and the line on the time limit does not apply.
+that it adds, and times that of the person being alive (`Person.survival`), whether or not it finds
+a person, and the line on the time limit does not apply.
 
 All drones act at once, so a search counts even if another drone flies into the searcher: the
 person is found, although the searcher gets the reward of the collision.
@@ -169,7 +170,8 @@ class RewardScheme:
         All other figures are 0. The reward does not depend on where the person is, only on
         what is known, so returns vary less than with `sparse`. A search of cell k adds the
         mean over persons of (1 - POS) b(k) q, where b is the belief and q the probability of
-        detection; of several drones in a step, each counts its own cell.
+        detection; of several drones in a step, each counts its own cell. Persons with `survival`
+        count as much as the probability that they are alive in that step.
 
         Args:
             find: the reward of a certain find.

@@ -102,7 +102,8 @@ class Scenario:
         if values["mission"] == "coverage" and self.reward_scheme == RewardScheme():
             values["reward_scheme"] = RewardScheme.expected()
         if self.persons is not None:
-            values["persons"] = checked_persons("persons", self.persons, size)
+            limit = self.timestep_limit
+            values["persons"] = checked_persons("persons", self.persons, size, limit)
             for name in REPLACED:
                 if values[name] != getattr(Scenario, name):
                     raise ValueError(
@@ -181,12 +182,7 @@ class Scenario:
         """The mean drift of all persons and hypotheses in cells per step, (x, y)."""
         if self.persons is None:
             return self.vector
-        drifts = [
-            (weight / len(self.persons), drift.vector)
-            for person in self.persons
-            for weight, drift in zip(person.weights, person.drifts, strict=True)
-        ]
-        x, y = (sum(weight * vector[axis] for weight, vector in drifts) for axis in (0, 1))
+        x, y = np.mean([person.vector for person in self.persons], axis=0).tolist()
         return x, y
 
     def forecasts(self) -> tuple[DriftModel, ...]:
@@ -288,8 +284,10 @@ def _check_names(what: str, given: Mapping[str, Any], made: type[Any]) -> None:
             raise ValueError(f"{what} {', '.join(known)}, got {name!r}")
 
 
-def checked_persons(name: str, value: object, grid_size: int) -> tuple[Person, ...]:
-    """Validate persons: one `Person`, or a sequence of them, whose starts fit on the grid."""
+def checked_persons(
+    name: str, value: object, grid_size: int, timestep_limit: int
+) -> tuple[Person, ...]:
+    """Validate persons: one `Person`, or a sequence of them, who fit the grid and the limit."""
     what = "a Person or a sequence of them"
     persons = [value] if isinstance(value, Person) else checks.items(name, value, what)
     if not persons:
@@ -299,6 +297,11 @@ def checked_persons(name: str, value: object, grid_size: int) -> tuple[Person, .
         if not isinstance(person, Person):
             raise TypeError(f"{name}[{index}] must be a Person, got {person!r}")
         person.check_grid(grid_size, f"{name}[{index}]")
+        if person.tracks is not None and person.tracks.steps < timestep_limit:
+            raise ValueError(
+                f"timestep_limit must be at most {person.tracks.steps}, the steps of the tracks of "
+                f"{name}[{index}], got {timestep_limit}"
+            )
         checked.append(person)
     return tuple(checked)
 

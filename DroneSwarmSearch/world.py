@@ -41,7 +41,7 @@ class WorldState:
 
     def __init__(self, scenario: Scenario) -> None:
         self._models = scenario.forecasts()
-        self._detections = scenario.detections
+        self._situation, self._detections = scenario.situation, scenario.detections
         self._keeps_beliefs = scenario.keeps_beliefs
         self._shows_beliefs = scenario.bayesian_update
         self._pays_expectation = scenario.reward_scheme.expected_finds
@@ -148,10 +148,12 @@ class WorldState:
     def observed(self, searches: Mapping[int, int]) -> dict[int, float]:
         """What each search pays for, by drone, before `search`.
 
-        The matrix's value for the cell; or, with `RewardScheme.expected_finds`, the added success.
+        The matrix's value for the cell; or, with `RewardScheme.expected_finds`, the added success
+        times the probability that the person is alive.
         """
         if self._pays_expectation:
-            added = [belief.added_success([*searches]) for belief in self._begun_beliefs()]
+            pairs = zip(self._begun_beliefs(), self._situation, strict=True)
+            added = [b.added_success([*searches], person.alive(self.step)) for b, person in pairs]
             return dict(zip(searches.values(), mean_over_missing(added, ()).tolist(), strict=True))
         item = self._matrix.item
         return {drone: item(cell) for cell, drone in searches.items()}

@@ -173,7 +173,7 @@ def success_of(
 ) -> list[float]:
     """The probability that drones on some paths find each missing person."""
     first = 0 if tracker is None else tracker.step
-    return Plan(targets_of(of, tracker), first, paths).success_probabilities()
+    return [float(found.sum()) for found in Plan(targets_of(of, tracker), first, paths).found()]
 
 
 def observations(cells: Sequence[Cell], matrix: np.ndarray) -> dict[str, Any]:

@@ -89,12 +89,12 @@ def mixture(velocity: float) -> Person:
 @pytest.mark.parametrize("kind", [np.float64, np.float32])
 def test_drift_of_batches(kind: type) -> None:
     models = [ProbabilityMatrix(9, mixture(velocity)) for velocity in (-0.4, 0.0, 0.9)]
-    forecasts, numbers = forecasts_of(models, last=7, hypotheses=3, keeps_matrices=False)
+    forecasts, numbers = forecasts_of(models, last=7, shape=(3, 1), keeps_matrices=False)
     forecasts.reach(7)
     joints = forecasts.joint(6 * len(models) + numbers)
     batch = np.ascontiguousarray(np.moveaxis(joints, 0, -1), kind)
     forecasts.drift(batch, 6 * len(models) + numbers)
-    for model, after in zip(models, np.moveaxis(batch, -1, 0), strict=True):
+    for model, after in zip(models, np.moveaxis(batch, -1, 0).reshape(-1, 3, 9, 9), strict=True):
         np.testing.assert_allclose(
             after[:2], model.joint(7), atol=1e-14 if kind is np.float64 else 1e-7
         )

@@ -188,7 +188,7 @@ DRIFTS: list[tuple[dict[str, Any], type[Exception], str]] = [
 ]
 
 OTHERS: list[tuple[Any, Any, type[Exception], str]] = [
-    (Person, None, TypeError, "drifts must be a Drift or a sequence of them, got None"),
+    (Person, None, TypeError, "drifts must be a Drift, a sequence of them or Tracks, got None"),
     (Person, [UNCERTAIN, {"start": (0, 0)}], TypeError, r"drifts\[1\] must be a Drift"),
     (Person, [], ValueError, "drifts must hold at least one Drift"),
     (lambda chance: Person(UNCERTAIN, chance), 1.1, ValueError, "detection must be .*got 1.1"),

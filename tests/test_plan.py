@@ -68,9 +68,7 @@ def test_value_and_success_are_the_sums_over_all_trajectories(
         found_in_each_step(forecast_of(of, person), target.detection, schedule_of(paths))
         for person, target in enumerate(targets)
     ]
-    np.testing.assert_allclose(
-        plan.success_probabilities(), [sum(steps) for steps in found], atol=1e-12
-    )
+    np.testing.assert_allclose(plan.found(), found, atol=1e-12)
     value = sum(float(t.worth @ steps) for t, steps in zip(targets, found, strict=True))
     assert plan.value() == pytest.approx(value, abs=1e-12)
 

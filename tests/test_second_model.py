@@ -76,14 +76,14 @@ class Tracks(DriftModel):
 class Follower(Person):
     """A person who follows a track."""
 
-    tracks: Any = TRACKS
+    ways: Any = TRACKS
 
     def model(self, grid_size: int) -> DriftModel:
-        return Tracks(self.tracks, self.weights)
+        return Tracks(self.ways, self.weights)
 
 
 def follower(detection: float, tracks: Any = TRACKS) -> Follower:
-    return Follower([Drift(track[0]) for track in tracks], detection, tracks)
+    return Follower([Drift(track[0]) for track in tracks], detection, ways=tracks)
 
 
 USUAL = Person([Drift((2, 2), vector=(0.2, 0.1), diffusion=0.2)], 0.7)

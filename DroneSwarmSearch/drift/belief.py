@@ -6,13 +6,13 @@ searches of a step are applied together, then the belief is normalised, and then
 Stone, Theory of Optimal Search, 1975). The product of the sums before each normalisation is the
 probability that no search has found the person; one minus it is the probability of success (POS).
 
-Batches, arrays with trailing batch axes after [hypothesis, y, x], agree bit for bit.
+Batches, arrays with trailing batch axes after those of mass, agree bit for bit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,6 @@ __all__ = [
     "mean_over_missing",
     "means_over_missing",
     "normalise",
-    "over_hypotheses",
     "shown_persons",
 ]
 
@@ -63,18 +62,18 @@ class Belief(NamedTuple):
         """The probability of each cell, for reading only: float64, shape (N, N)."""
         return self.model.map(self.mass)
 
-    def added_success(self, cells: Sequence[int]) -> Floats:
-        """The probability of success that a search of each of some cells adds."""
-        added: Floats = self.kept * self.detection * self.map().reshape(-1)[cells]
+    def added_success(self, cells: Sequence[int], alive: float = 1.0) -> Floats:
+        """The probability of success that a search of each of some cells adds, times `alive`."""
+        added: Floats = self.kept * (self.detection * alive) * self.map().reshape(-1)[cells]
         return added
 
 
 def normalise(belief: Floats, which: Flags | bool = True) -> Floats:
-    """Scale beliefs, (M, N, N, ...) and C-contiguous, in place so that they sum to 1.
+    """Scale beliefs, (M, R, N, ...) and C-contiguous, in place so that they sum to 1.
 
     Those that are 0 everywhere stay, and so do all but `which`, (...). Returns the sums before.
     """
-    # Sum over hypotheses and y first, then over x one column at a time: this order does not
+    # Sum over layers and rows first, then over columns one at a time: this order does not
     # depend on the batch. NumPy adds in this order along a first axis, but not along
     # contiguous memory.
     if belief.ndim <= 3:
@@ -90,14 +89,6 @@ def normalise(belief: Floats, which: Flags | bool = True) -> Floats:
     factor = 1.0 / np.where(which & (total > 0.0), total, 1.0)
     # Contiguous arrays multiply faster than broadcast ones.
     belief *= np.broadcast_to(factor, columns.shape).copy()
-    return total
-
-
-def over_hypotheses(belief: NDArray[Any]) -> NDArray[Any]:
-    """The probability of each cell, (N, N, ...), given (M, N, N, ...); may be a view."""
-    total: NDArray[Any] = belief[0]
-    for part in belief[1:]:
-        total = total + part
     return total
 
 

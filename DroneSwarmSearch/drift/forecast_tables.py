@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
-from DroneSwarmSearch.drift.belief import over_hypotheses
-from DroneSwarmSearch.drift.model import Forecasts
+from DroneSwarmSearch.drift.model import Forecasts, cumulative, over_layers
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drift.tables import (
     Steps,
@@ -31,13 +31,14 @@ class ForecastTables(Forecasts):
         priors = [[drift.prior is not None for drift in each.drifts] for each in self._persons]
         self._has_prior = np.array([any(each) for each in priors])
         self._last_steps: Steps | None = None
-        shape = self.hypotheses, 2, self._size
+        self._hypotheses = self.shape[0]
+        shape = self._hypotheses, 2, self._size
         self._factors = np.zeros((0, *shape))
         self._moves = np.zeros((2, 0, *shape))  # to the next higher and to the next lower cell
         self._joint: Floats | None = None
         self._scratch = np.empty((2, 0))  # of `drift`
         # The index of each state's column and row in the moves of its entry.
-        hypothesis, y, x = np.indices((self.hypotheses, self._size, self._size)).reshape(3, -1)
+        hypothesis, y, x = np.indices((self._hypotheses, self._size, self._size)).reshape(3, -1)
         self._places = np.stack([x, self._size + y]) + hypothesis * (2 * self._size)
 
     # The tables.
@@ -45,19 +46,19 @@ class ForecastTables(Forecasts):
     @property
     def step_bytes(self) -> int:
         joint = 8 * self._size**2 if self._has_prior.any() else 0
-        tables = self.hypotheses * (3 * 8 * 2 * self._size + joint)
+        tables = self._hypotheses * (3 * 8 * 2 * self._size + joint)
         return self.count * tables + (super().step_bytes if self._matrices is not None else 0)
 
     def _fill(self, steps: int) -> None:
         new = tabulate(
-            self._size, self._persons, self._filled, steps, self._last_steps, self.hypotheses
+            self._size, self._persons, self._filled, steps, self._last_steps, self._hypotheses
         )
         self._last_steps = new
-        shape = steps * self.count, self.hypotheses, 2, self._size
+        shape = steps * self.count, self._hypotheses, 2, self._size
         self._factors = np.concatenate([self._factors, new.factors.reshape(shape)])
         self._moves = np.concatenate([self._moves, new.moves[1:].reshape(2, *shape)], axis=1)
         if new.joint is not None:
-            more = new.joint[:-1].reshape(-1, *new.joint.shape[2:])
+            more = new.joint[:-1].reshape(-1, *self.shape)
             self._joint = more if self._joint is None else np.concatenate([self._joint, more])
 
     # The forecast.
@@ -65,14 +66,15 @@ class ForecastTables(Forecasts):
     def joint(self, entries: Ints) -> Floats:
         if self._joint is not None:
             return self._joint.take(entries, 0)
-        return joint_of(self._factors.take(entries, 0))
+        return joint_of(self._factors.take(entries, 0)).reshape(-1, *self.shape)
 
     def _computed(self, entries: Ints) -> Singles:
         matrices = matrices_of(self._factors.take(entries, 0))
         if self._joint is not None:
             carried = self._has_prior[entries % self.count]
             joint = self._joint[entries[carried]]
-            matrices[carried] = over_hypotheses(joint.swapaxes(0, 1))
+            maps = over_layers(joint.swapaxes(0, 1))
+            matrices[carried] = maps.reshape(-1, self._size, self._size)
         return matrices
 
     def probabilities(self, entries: Ints, cells: Ints) -> Singles:
@@ -80,14 +82,16 @@ class ForecastTables(Forecasts):
             return super().probabilities(entries, cells)
         y, x = np.divmod(cells, self._size)
         at_x, at_y = self._factors[entries, :, 0, x], self._factors[entries, :, 1, y]
-        total: Singles = over_hypotheses((at_y.astype(np.float32) * at_x.astype(np.float32)).T)
+        total: Singles = over_layers((at_y.astype(np.float32) * at_x.astype(np.float32)).T)
         return total
 
     def drift(self, mass: Floats, entries: Ints) -> None:
+        mass = mass.reshape(self._hypotheses, self._size, self._size, -1)
+        shape: tuple[int, ...] = mass.shape
         moves = self._moves.take(entries, 1, mode="clip").transpose(0, 2, 3, 4, 1)
         moves = np.ascontiguousarray(moves, mass.dtype)
-        if self._scratch.shape[1:] != mass.shape:
-            self._scratch = np.empty((2, *mass.shape), mass.dtype)
+        if self._scratch.shape[1:] != shape:
+            self._scratch = np.empty((2, *shape), mass.dtype)
         cells, (higher, lower) = mass.reshape(-1), self._scratch.reshape(2, -1)
         along_x, along_y = moves[:, :, 0, None], moves[:, :, 1, :, None]
         for along, row in ((along_x, mass[0, 0, 0]), (along_y, mass[0, 0])):  # see `Drifter`
@@ -96,11 +100,40 @@ class ForecastTables(Forecasts):
             cells[row.size :] += higher[: -row.size]
             cells[: -row.size] += lower[row.size :]
 
+    # States and cells.
+
+    def places(self, entries: Ints, cells: Ints) -> Ints:
+        return cells
+
+    def map(self, mass: Floats, entries: Ints) -> Floats:
+        return over_layers(mass)
+
+    def cells(self, states: Ints, entries: Ints) -> Ints:
+        cells: Ints = states % self._size**2
+        return cells
+
     # Persons.
+
+    def start(self, numbers: Ints, draws: Floats) -> Ints:
+        pairs = zip(numbers.flat, draws.flat, strict=True)
+        states = [self._starts[number].searchsorted(draw, side="right") for number, draw in pairs]
+        return np.array(states, np.int64).reshape(numbers.shape)
+
+    @cached_property
+    def _starts(self) -> list[Floats]:
+        self.reach(0)
+        return [cumulative(joint) for joint in self.joint(np.arange(self.count))]
+
+    @cached_property
+    def certain_starts(self) -> Ints | None:
+        self.reach(0)
+        joint = self.joint(np.arange(self.count)).reshape(self.count, -1)
+        is_certain = (np.count_nonzero(joint, axis=1) == 1).all()
+        return joint.argmax(axis=1) if is_certain else None
 
     def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
         index = self._places.take(states, 1, mode="clip")
-        index += entries * (self.hypotheses * 2 * self._size)
+        index += entries * (self._hypotheses * 2 * self._size)
         higher, either = self._moves.reshape(2, -1).take(index, 1, mode="clip")
         either += higher
         along_x, along_y = moves_of(draws, higher, either)

@@ -1,9 +1,11 @@
 """The interface of a drift model: where a person may be, and how the person moves.
 
-A *state* is what a person's next move depends on: a cell, and one of M hypotheses about the
-person. States are numbered (hypothesis * N + y) * N + x. *Mass*, the probability of each state,
-and *value*, what is expected of a person in it, are float64 arrays of shape (..., M, N, N). All
-other code only uses the methods below, so that a new model needs nothing outside this folder.
+A *state* is what a person's next move depends on, such as a cell and a hypothesis about the
+person. *Mass*, the probability of each state, and *value*, what is expected of a person in it, are
+float64 arrays of shape (M, R, N): M layers with R * N *places*, each of which belongs to one cell,
+the same one in all layers. The number of a state is its index in flat mass. Usually a layer is the
+grid, and the place of a cell is y * N + x. All other code only uses the methods below, so that a
+new model needs nothing outside this folder.
 """
 
 from __future__ import annotations
@@ -14,10 +16,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 
-__all__ = ["DriftModel", "Forecasts"]
+__all__ = ["DriftModel", "Forecasts", "cumulative", "forecasts_of", "over_layers"]
 
 _BLOCK_STEPS = 32
 _BLOCK_BYTES = 2**22
@@ -29,12 +32,14 @@ class DriftModel(ABC):
     Attributes:
         grid_size: cells along each side of the grid, N.
         key: equal for models with equal forecasts.
-        weights: the probability of each hypothesis about the person at step 0: float64, (M,).
+        weights: the probability of each hypothesis about the person at step 0: float64, (H,).
+        kept_cells: the cells that have places, in their order; None for all cells of the grid.
     """
 
     grid_size: int
     key: Hashable
     weights: Floats
+    kept_cells: Ints | None = None
 
     # The forecast.
 
@@ -63,32 +68,68 @@ class DriftModel(ABC):
 
     @property
     def state_shape(self) -> tuple[int, int, int]:
-        """The shape of mass, (M, N, N)."""
-        return len(self.weights), self.grid_size, self.grid_size
+        """The shape of mass, (M, R, N)."""
+        if self.kept_cells is None:
+            return len(self.weights), self.grid_size, self.grid_size
+        return len(self.weights), len(self.kept_cells) // self.grid_size + 1, self.grid_size
+
+    @property
+    def layer(self) -> int:
+        """The number of places in a layer of mass, R * N."""
+        return self.state_shape[1] * self.grid_size
+
+    @cached_property
+    def places(self) -> Ints:
+        """The place of each cell; cells that are not kept share the one after the last."""
+        if self.kept_cells is None:
+            return np.arange(self.grid_size**2)
+        places = np.full(self.grid_size**2, len(self.kept_cells))
+        places[self.kept_cells] = np.arange(len(self.kept_cells))
+        return places
 
     def map(self, mass: Floats) -> Floats:
-        """The mass in each cell, shape (..., N, N); may be a view."""
+        """The mass in each cell, shape (..., N, N), given (..., M, R, N); may be a view."""
         total: Floats = mass[..., 0, :, :]
-        for hypothesis in range(1, mass.shape[-3]):
-            total = total + mass[..., hypothesis, :, :]
-        return total
+        for layer in range(1, mass.shape[-3]):
+            total = total + mass[..., layer, :, :]
+        if self.kept_cells is None:
+            return total
+        flat = total.reshape(*total.shape[:-2], -1)
+        grid = np.zeros((*flat.shape[:-1], self.grid_size**2))
+        grid[..., self.kept_cells] = flat[..., : len(self.kept_cells)]
+        return grid.reshape(*flat.shape[:-1], self.grid_size, self.grid_size)
 
     def lift(self, values: Floats) -> Floats:
-        """Values of cells, shape (..., N, N), in a form that broadcasts with mass."""
+        """Values of cells, (..., N, N), in a form that broadcasts with mass: (..., 1, R, N)."""
+        if self.kept_cells is not None:
+            flat = values.reshape(*values.shape[:-2], -1)[..., self._cell_of]
+            values = flat.reshape(*flat.shape[:-1], *self.state_shape[1:])
         lifted: Floats = values[..., None, :, :]
         return lifted
 
     def states(self, cell: int) -> slice:
         """The index of a cell's states in flat mass, ``mass.reshape(-1)``."""
-        return slice(cell, None, self.grid_size**2)
+        return slice(int(self.places[cell]), None, self.layer)
 
     def cells(self, states: Any) -> Any:
         """The cells, y * N + x, of states."""
-        return states % self.grid_size**2
+        places = states % self.layer
+        return places if self.kept_cells is None else self._cell_of[places]
+
+    @cached_property
+    def _cell_of(self) -> Ints:
+        """The cell of each place; 0 for those without one, whose mass is always 0."""
+        assert self.kept_cells is not None
+        return np.append(self.kept_cells, np.zeros(self.layer - len(self.kept_cells), np.int64))
+
+    def by_hypothesis(self, mass: Floats) -> Floats:
+        """The mass in each cell by hypothesis about the person: shape (H, N, N); may be a view."""
+        return self.map(mass.reshape(len(self.weights), -1, *mass.shape[1:]))
 
     def hypotheses(self, mass: Floats) -> tuple[float, ...]:
         """The probability of each hypothesis about the person, given the mass."""
-        shares: list[float] = mass.sum(axis=(1, 2)).tolist()
+        by_hypothesis = mass.reshape(len(self.weights), -1, mass.shape[-1])
+        shares: list[float] = by_hypothesis.sum(axis=(1, 2)).tolist()
         return tuple(shares)
 
     # The steps of a distribution.
@@ -120,7 +161,7 @@ class DriftModel(ABC):
 
     @cached_property
     def _starts(self) -> Floats:
-        return _cumulative(self.joint(0))
+        return cumulative(self.joint(0))
 
     def walk(
         self, state: int, step: int, draws_x: Sequence[float], draws_y: Sequence[float]
@@ -176,11 +217,19 @@ def forecasts_of(models: Sequence[DriftModel], **options: Any) -> tuple[Forecast
     return forecasts, np.array([places[model.key] for model in models])
 
 
-def _cumulative(joint: Floats) -> Floats:
+def cumulative(joint: Floats) -> Floats:
     """The cumulative distribution of the states at step 0, flat; at the end it exceeds any draw."""
     sums: Floats = joint.cumsum()
     sums[joint.reshape(-1).nonzero()[0][-1] :] = 2.0
     return sums
+
+
+def over_layers(mass: NDArray[Any]) -> NDArray[Any]:
+    """The sum over the layers of mass, (...), given (M, ...); may be a view."""
+    total: NDArray[Any] = mass[0]
+    for part in mass[1:]:
+        total = total + part
+    return total
 
 
 class Forecasts:
@@ -188,17 +237,24 @@ class Forecasts:
 
     Models on one grid have numbers, and an *entry* is one step of one model: step * `count` +
     number. Tables of the entries grow up to the step `last`, see `reach`. This class handles any
-    models, one row at a time; subclasses are faster for models of one kind. Models with fewer
-    hypotheses than others, or than `hypotheses` at first, are padded with mass 0. With
-    `keeps_matrices`, the matrices of all entries are a table, too.
+    models, one row at a time; subclasses are faster for models of one kind. Mass has the `shape`
+    (M, L), layers and their places: models with fewer of them than others, or than `shape` at
+    first, are padded with mass 0. With `keeps_matrices`, the matrices of all entries are a table,
+    too.
     """
 
     def __init__(
-        self, models: Sequence[DriftModel], *, last: int, hypotheses: int, keeps_matrices: bool
+        self,
+        models: Sequence[DriftModel],
+        *,
+        last: int,
+        shape: tuple[int, int] = (1, 1),
+        keeps_matrices: bool,
     ) -> None:
         self.models = tuple(models)
         self.count = len(models)
-        self.hypotheses = max(hypotheses, *(len(model.weights) for model in models))
+        layers = max(shape[0], *(model.state_shape[0] for model in models))
+        self.shape = layers, max(shape[1], *(model.layer for model in models))
         self._size, self._last = models[0].grid_size, last
         empty: Singles = np.zeros((0, self._size, self._size), np.float32)
         self._matrices = empty if keeps_matrices else None
@@ -243,11 +299,12 @@ class Forecasts:
         return [(self.models[number], step) for number, step in pairs]
 
     def joint(self, entries: Ints) -> Floats:
-        """The probability of each state: float64, (n, M, N, N)."""
-        joint = np.zeros((len(entries), self.hypotheses, self._size, self._size))
-        for mass, (model, step) in zip(joint, self._each(entries), strict=True):
-            mass[: len(model.weights)] = model.joint(step)
-        return joint
+        """The probability of each state: float64, (n, M, L)."""
+        different, place = np.unique(entries, return_inverse=True)
+        joint = np.zeros((len(different), *self.shape))
+        for mass, (model, step) in zip(joint, self._each(different), strict=True):
+            mass[: model.state_shape[0], : model.layer] = model.joint(step).reshape(-1, model.layer)
+        return joint[place]
 
     def matrices(self, entries: Ints, out: Singles | None = None) -> Singles:
         """The matrices: float32, (n, N, N)."""
@@ -259,10 +316,11 @@ class Forecasts:
         return matrices
 
     def _computed(self, entries: Ints) -> Singles:
-        matrices: Singles = np.empty((len(entries), self._size, self._size), np.float32)
-        for matrix, (model, step) in zip(matrices, self._each(entries), strict=True):
+        different, place = np.unique(entries, return_inverse=True)
+        matrices: Singles = np.empty((len(different), self._size, self._size), np.float32)
+        for matrix, (model, step) in zip(matrices, self._each(different), strict=True):
             matrix[...] = model.matrix(step)
-        return matrices
+        return matrices[place]
 
     def probabilities(self, entries: Ints, cells: Ints) -> Singles:
         """The matrix entry of one cell in each of some entries: float32, (n,)."""
@@ -271,31 +329,55 @@ class Forecasts:
         return self._computed(entries).reshape(-1, self._size**2)[np.arange(len(cells)), cells]
 
     def drift(self, mass: Floats, entries: Ints) -> None:
-        """Let mass, (M, N, N, n) and C-contiguous, drift by a step from its entries, in place."""
+        """Let mass, (M, L, n) and C-contiguous, drift by a step from its entries, in place."""
         for row, (model, step) in enumerate(self._each(entries)):
-            own = np.ascontiguousarray(mass[: len(model.weights), ..., row])
-            mass[: len(own), ..., row] = model.drift(own, step)
+            own = mass[: model.state_shape[0], : model.layer, row]
+            own[...] = model.drift(own.reshape(model.state_shape), step).reshape(own.shape)
+
+    # States and cells.
+
+    def places(self, entries: Ints, cells: Ints) -> Ints:
+        """The place of a cell in the layers of mass for each of some entries: (n,)."""
+        return self._places[entries % self.count, cells]
+
+    @cached_property
+    def _places(self) -> Ints:
+        return np.array([model.places for model in self.models])
+
+    def map(self, mass: Floats, entries: Ints) -> Floats:
+        """The mass in each cell: (N², n), given (M, L, n); may be a view."""
+        total, numbers = over_layers(mass), entries % self.count
+        if all(model.kept_cells is None for model in self.models):
+            return total
+        grid = np.zeros((self._size**2, len(entries)))
+        for number in np.unique(numbers):
+            cells = self.models[number].kept_cells
+            who = slice(None) if (numbers == number).all() else (numbers == number).nonzero()[0]
+            grid[cells, who] = total[: len(cells), who]
+        return grid
+
+    def cells(self, states: Ints, entries: Ints) -> Ints:
+        """The cells of persons' states, of the same shape."""
+        cells, numbers = np.empty_like(states), entries % self.count
+        for number in np.unique(numbers):
+            who = numbers == number
+            cells[who] = self.models[number].cells(states[who])
+        return cells
 
     # Persons.
 
     def start(self, numbers: Ints, draws: Floats) -> Ints:
         """The states at step 0 given the numbers of the persons' models and uniform draws."""
-        pairs = zip(numbers.flat, draws.flat, strict=True)
-        states = [self._starts[number].searchsorted(draw, side="right") for number, draw in pairs]
-        return np.array(states, np.int64).reshape(numbers.shape)
+        states = np.empty(numbers.shape, np.int64)
+        for number in np.unique(numbers):
+            who = numbers == number
+            states[who] = self.models[number].start(draws[who])
+        return states
 
-    @cached_property
-    def _starts(self) -> list[Floats]:
-        self.reach(0)
-        return [_cumulative(joint) for joint in self.joint(np.arange(self.count))]
-
-    @cached_property
+    @property
     def certain_starts(self) -> Ints | None:
-        """The state at step 0 of each model, if all of them are certain: int64, (count,)."""
-        self.reach(0)
-        joint = self.joint(np.arange(self.count)).reshape(self.count, -1)
-        is_certain = (np.count_nonzero(joint, axis=1) == 1).all()
-        return joint.argmax(axis=1) if is_certain else None
+        """The state at step 0 of each model, (count,), if all are known to be certain."""
+        return None
 
     def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
         """The states, (...), one step later, given the entries before it and draws, (2, ...)."""

@@ -16,6 +16,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift.model import DriftModel
+from DroneSwarmSearch.drift.tracks import Tracks
 
 __all__ = ["MASS_BEYOND", "MAX_DIFFUSION", "AxisDrift", "Drift", "Person", "warn_of_mass_beyond"]
 
@@ -205,17 +206,32 @@ class Drift:
         return cls(**data)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Person:
-    """A person to find: one or more hypotheses about the drift, one of which is true.
+    """A person to find: one or more hypotheses about the drift, one of which is true, or tracks.
 
     An episode draws one of the drifts by weight and shows it to nobody::
 
         Person([Drift((20, 20), weight=2), Drift((35, 12), weight=1)], probability_of_detection=0.8)
 
+    With `Tracks`, the matrix is the weighted histogram of the tracks at every step, and the person
+    is a Markov chain that only makes moves that some track made, see `drift.chain`::
+
+        Person(Tracks.read("drift.nc", ...), probability_of_detection=0.8)
+
     Attributes:
-        drifts: the hypotheses, a tuple; one `Drift` or any sequence of them is accepted.
+        drifts: the hypotheses, a tuple; one `Drift` or any sequence of them is accepted. Tracks are
+            accepted in their place, and then it is empty.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
+        tracks: the tracks, or None.
+        fine: with tracks, each cell has fine² parts to tell where a person goes next, from 1 to 4.
+            1 is faster; 2 promises less than can be kept where currents turn.
+        classes: with tracks, the number of groups of similar tracks; a person belongs to one of
+            them for good. Time and memory grow with it.
+        survival: the probability of being alive, entry t after t completed steps, and the last
+            entry from then on; never increasing. Any array or sequence; a tuple is kept. Plans,
+            policies, `RewardScheme.expected` and `Evaluation.success_alive` weigh finds by it; it
+            does not change who is found. None: always alive.
 
     Raises:
         TypeError: a value is of the wrong type.
@@ -224,60 +240,110 @@ class Person:
 
     drifts: tuple[Drift, ...]
     probability_of_detection: float = 1.0
+    tracks: Tracks | None = field(default=None, kw_only=True)
+    fine: int = field(default=2, kw_only=True)
+    classes: int = field(default=1, kw_only=True)
+    survival: Sequence[float] | Floats | None = field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
+        detection = checks.real("probability_of_detection", self.probability_of_detection, 0, 1)
+        object.__setattr__(self, "probability_of_detection", detection)
+        if self.survival is not None:
+            object.__setattr__(self, "survival", _survival(self.survival))
+        checks.integer("fine", self.fine, 1, 4)
+        checks.integer("classes", self.classes, 1)
         given: object = self.drifts
-        what = "a Drift or a sequence of them"
+        if isinstance(given, Tracks):
+            object.__setattr__(self, "drifts", ())
+            object.__setattr__(self, "tracks", given)
+        if self.tracks is not None:
+            self.tracks.check_number(self.fine)
+            return
+        what = "a Drift, a sequence of them or Tracks"
         drifts = [given] if isinstance(given, Drift) else checks.items("drifts", given, what)
         if not drifts:
             raise ValueError(f"drifts must hold at least one Drift, got {given!r}")
         for place, drift in enumerate(drifts):
             if not isinstance(drift, Drift):
                 raise TypeError(f"drifts[{place}] must be a Drift, got {drift!r}")
-        detection = checks.real("probability_of_detection", self.probability_of_detection, 0, 1)
         object.__setattr__(self, "drifts", tuple(drifts))
-        object.__setattr__(self, "probability_of_detection", detection)
+
+    def __repr__(self) -> str:
+        detection = f"probability_of_detection={self.probability_of_detection!r}"
+        if self.tracks is None:
+            return f"Person(drifts={self.drifts!r}, {detection})"
+        return f"Person({self.tracks!r}, {detection}, fine={self.fine}, classes={self.classes})"
+
+    def alive(self, step: int) -> float:
+        """The probability of being alive after a number of completed steps, from `survival`."""
+        return 1.0 if self.survival is None else self.survival[min(step, len(self.survival) - 1)]
 
     @property
     def weights(self) -> tuple[float, ...]:
-        """The probability of each of the drifts; they sum to 1."""
+        """The probability of each of the drifts; they sum to 1. (1.0,) for tracks."""
+        if self.tracks is not None:
+            return (1.0,)
         largest = max(drift.weight for drift in self.drifts)
         relative = [drift.weight / largest for drift in self.drifts]
         total = math.fsum(relative)
         return tuple(weight / total for weight in relative)
 
     @property
+    def vector(self) -> tuple[float, float]:
+        """The mean drift in cells per step, (x, y)."""
+        if self.tracks is not None:
+            return self.tracks.vector
+        pairs = list(zip(self.weights, self.drifts, strict=True))
+        x, y = (sum(weight * drift.vector[axis] for weight, drift in pairs) for axis in (0, 1))
+        return x, y
+
+    @property
     def key(self) -> tuple[object, ...]:
         """A hashable key of the drifts and weights; equal for equal forecasts."""
+        if self.tracks is not None:
+            return self.tracks, self.fine, self.classes
         return (*(drift.key for drift in self.drifts), self.weights)
 
     def model(self, grid_size: int) -> DriftModel:
         """The person's drift model; another kind of person returns its own here."""
         from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 
+        if self.tracks is not None:
+            return self.tracks.chain(grid_size, self.fine, self.classes)
         return ProbabilityMatrix(grid_size, self)
 
     def check_grid(self, grid_size: int, name: str = "person") -> None:
         """`Drift.check_grid` of all drifts; `name` is that of this person."""
+        if self.tracks is not None:
+            return
         for place, drift in enumerate(self.drifts):
             drift.check_grid(grid_size, f"{name}.drifts[{place}]")
 
     def mass_beyond(self, grid_size: int, step: int) -> float:
-        """The mean of `Drift.mass_beyond` over the drifts, by weight."""
+        """The mean of `Drift.mass_beyond` over the drifts, by weight; or the share of tracks."""
+        if self.tracks is not None:
+            return self.tracks.mass_beyond(grid_size, step)
         beyond = [drift.mass_beyond(grid_size, step) for drift in self.drifts]
         return math.fsum(w * mass for w, mass in zip(self.weights, beyond, strict=True))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the values as plain data for JSON; `from_dict` reads it."""
-        return {
-            "drifts": [drift.to_dict() for drift in self.drifts],
-            "probability_of_detection": self.probability_of_detection,
-        }
+        """Return the values as plain data for JSON; `from_dict` reads it.
+
+        Of tracks it holds the name and the SHA-256 of their file, see `Tracks.to_dict`.
+        """
+        data: dict[str, Any] = {"probability_of_detection": self.probability_of_detection}
+        if self.survival is not None:
+            data["survival"] = list(self.survival)
+        if self.tracks is None:
+            return {"drifts": [drift.to_dict() for drift in self.drifts], **data}
+        return {"tracks": self.tracks.to_dict(), "fine": self.fine, "classes": self.classes, **data}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Person:
         """Make a person from the output of `to_dict`, see `Drift.from_dict`."""
         values, drifts = {**data}, []
+        if "tracks" in values:
+            return cls((), tracks=Tracks.from_dict(values.pop("tracks")), **values)
         given: Any = checks.items("drifts", values.get("drifts"), "a list of drifts")
         for place, each in enumerate(given):
             try:
@@ -350,6 +416,18 @@ def _probabilities(given: NDArray[Any]) -> Floats:
     values += 0.0  # turns -0.0 into 0.0
     # An array on top of bytes cannot be made writeable.
     return np.frombuffer(values.tobytes()).reshape(rows, columns)
+
+
+def _survival(value: object) -> tuple[float, ...]:
+    what = "one or more probabilities from 0 to 1, none above the one before"
+    given = checks.numbers("survival", value, what).astype(np.float64)
+    if given.ndim != 1 or not given.size:
+        raise ValueError(f"survival must be {what}, got an array of shape {given.shape}")
+    wrong = ~((given >= 0.0) & (given <= 1.0))
+    wrong[1:] |= np.diff(given) > _ROUNDING
+    if wrong.any():
+        raise ValueError(f"survival must be {what}, got {given[wrong][0]} at step {wrong.argmax()}")
+    return tuple(given.tolist())
 
 
 def _deviations(name: str, value: object) -> tuple[float, float]:

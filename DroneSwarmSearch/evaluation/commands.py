@@ -182,7 +182,8 @@ def _print_suite() -> None:
 def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Namespace) -> None:
     for is_coverage in (False, True):
         mine = [each for each in evaluations if each.is_coverage == is_coverage]
-        rows = [_columns(each, options.bound) for each in mine]
+        alive = any(each.success_alive for each in mine)
+        rows = [_columns(each, options.bound, alive) for each in mine]
         if rows:
             print_table([*rows[0]], [[*row.values()] for row in rows])
             print()
@@ -194,9 +195,11 @@ def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Name
     )
 
 
-def _columns(each: Evaluation, bound: bool) -> dict[str, str]:
+def _columns(each: Evaluation, bound: bool, alive: bool) -> dict[str, str]:
     columns = {"policy": each.policy, "search": each.search.name}
     columns["POS, %" if each.is_coverage else "success, %"] = percent(each.success)
+    if alive:
+        columns["alive, %"] = percent(each.success_alive)
     columns["time, steps"] = figure(each.time)
     if each.is_coverage:
         columns["coverage, %"] = percent(each.coverage_rate)

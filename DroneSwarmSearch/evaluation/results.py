@@ -90,6 +90,22 @@ class Evaluation:
         return bounded_mean(self.curves[:, -1])
 
     @property
+    def success_alive(self) -> Estimate | None:
+        """The probability of finding the person alive by the limit; None without `survival`.
+
+        The sum of the success curve's increments, each times the persons' mean probability of being
+        alive in that step. With several persons, it is the expected share that is alive when the
+        last one is found, 0 if not all are; in a coverage mission, the mean over persons if they
+        have the same curve of survival, else an approximation.
+        """
+        persons, steps = self.search.scenario.situation, range(self.limit)
+        if all(person.survival is None for person in persons):
+            return None
+        alive = np.mean([[*map(person.alive, steps)] for person in persons], axis=0)
+        success = (np.diff(self.curves, axis=1) * alive).sum(axis=1)
+        return Estimate.exact(float(success[0])) if self.is_exact else bounded_mean(success)
+
+    @property
     def times(self) -> Floats:
         """The expected time to find given each episode's path, the area above the curve: (n,).
 
@@ -180,6 +196,9 @@ class Evaluation:
         row["mean_return"] = self.mean_return
         row |= {ending.name.lower(): count for ending, count in self.endings.items()}
         row["calibration_error"] = "" if self.is_coverage else self.reliability.expected_error
+        if (alive := self.success_alive) is not None:
+            names = ("success_alive", "success_alive_low", "success_alive_high")
+            row |= zip(names, alive, strict=True)
         return row
 
 
@@ -250,7 +269,8 @@ def save_csv(path: str | Path, evaluations: Iterable[Evaluation]) -> None:
 def csv_text(evaluations: Iterable[Evaluation]) -> str:
     """Return the text that `save_csv` writes."""
     rows, out = [each.summary for each in evaluations], io.StringIO()
-    writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+    columns = dict.fromkeys(name for row in rows for name in row)
+    writer = csv.DictWriter(out, list(columns), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return out.getvalue()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,11 @@ from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.rules import Action, RewardScheme
+from DroneSwarmSearch.scenario import Scenario, checked_scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations
 
-__all__ = ["PolicyLike", "play", "reset_policy"]
+__all__ = ["PolicyLike", "play", "reset_policy", "searches_of"]
 
 PolicyLike = Callable[[Any], Any]
 TOP_CELLS = 8  # cells in the layout "top-cells", as the vector environments show them by default
@@ -55,6 +56,29 @@ def play(
         reset_policy(policy, mine[0] if view.form == "parallel" else list(mine))
         parts.append(_play(policy, batch, unfound, stage, mine))
     return Episodes.joined(parts)
+
+
+def searches_of(policy: Any, scenario: Scenario, drones_positions: Any = None) -> Iterator[Ints]:
+    """The cells that a policy, or the actions of a plan, (steps, n), search in each step.
+
+    Nobody is found on the way. The policy sees what `DroneSwarmSearch` shows.
+    """
+    checked_scenario(scenario)
+    if len(scenario.situation) > 1:
+        raise ValueError(f"scenario must have one person, got {len(scenario.situation)}")
+    plan = None if callable(policy) else np.asarray(policy)
+    batch = SearchBatch(1, scenario=scenario, drones_positions=drones_positions, finds_last=False)
+    stage, steps = _Stage(batch, View(form="parallel")), scenario.timestep_limit
+    batch.reset([0])
+    if plan is None:
+        reset_policy(policy, 0)
+    for step in range(steps if plan is None else min(steps, len(plan))):
+        rows = np.arange(1)
+        actions = stage.actions(policy, rows) if plan is None else plan[step][None]
+        yield batch.cells[np.asarray(actions) == Action.SEARCH]
+        batch.step(actions)
+        if batch.endings[0]:
+            return
 
 
 def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:

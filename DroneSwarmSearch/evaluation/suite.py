@@ -56,7 +56,7 @@ class NamedSearch:
     def outline(self) -> str:
         """The main parameters, in a line."""
         scenario, persons, scale = self.scenario, self.scenario.situation, self.scale
-        hypotheses = max(len(person.drifts) for person in persons)
+        hypotheses = max(len(person.weights) for person in persons)
         width, steps = "", f"{scenario.timestep_limit:,} steps"
         if scale is not None:
             width = f" of {scale.metres_per_cell:g} m"

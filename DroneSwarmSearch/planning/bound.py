@@ -14,7 +14,8 @@ bound covers the error of the best policy's mean success on it, and a union boun
 the persons and the numbers of steps makes all bounds hold together. If q < 1, the larger function
 1 - (1 - q)^s of the effort s gives another bound, without a sample; the smaller one is returned.
 Finding all of several persons is at most as likely as finding the one who is hardest to find; in a
-coverage mission, the bound is the mean over persons.
+coverage mission, the bound is the mean over persons. `Person.survival` is left out: who is found
+alive is found, so the bound also holds for finding alive.
 """
 
 from __future__ import annotations

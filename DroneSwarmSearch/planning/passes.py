@@ -72,14 +72,14 @@ class Passes:
 
     Attributes:
         kept: the probability that each step's searches miss the person in a cell: (n, N, N).
-        masses: that the person is in a state, and unfound, before each step: (n, M, N, N).
-        rests: what the plan will gain from a state after each step's searches: (n, M, N, N).
+        masses: that the person is in a state, and unfound, before each step: (n, M, R, N).
+        rests: what the plan will gain from a state after each step's searches: (n, M, R, N).
     """
 
     def __init__(self, target: Target, first: int, paths: Sequence[Path]) -> None:
-        n, grid = len(target.worth), target.belief.shape[1:]
+        n, size = len(target.worth), target.chain.grid_size
         self.target, self.first = target, first
-        self.kept = np.ones((n, *grid))
+        self.kept = np.ones((n, size, size))
         self.masses, self.rests = np.empty((2, n, *target.belief.shape))
         self.masses[0], self.rests[-1] = target.belief, 0.0
         # Masses are up to date until the one step, rests from the other one on.
@@ -125,8 +125,8 @@ class Passes:
         """First row, last row + 1, first column and last column + 1 of the forecast, by step."""
         mass, extents = self.target.belief, []
         for step in range(len(self.kept)):
-            is_likely = mass.max(axis=0) > NEGLIGIBLE
-            rows, columns = is_likely.any(axis=1).nonzero()[0], is_likely.any(axis=0).nonzero()[0]
+            is_likely: Flags = self.target.chain.map(mass) > NEGLIGIBLE
+            rows, columns = (np.any(is_likely, axis=axis).nonzero()[0] for axis in (1, 0))
             extents.append((rows[0], rows[-1] + 1, columns[0], columns[-1] + 1))
             mass = self.target.chain.forward(mass, self.first + step)
         return np.array(extents).T
@@ -134,5 +134,6 @@ class Passes:
     def found(self) -> Floats:
         """The probability of finding the person in each step."""
         self.update(len(self.kept), len(self.kept) - 1)
-        found: Floats = ((1.0 - self.kept) * self.masses.sum(axis=1)).sum(axis=(1, 2))
+        maps = self.target.chain.map(self.masses)
+        found: Floats = ((1.0 - self.kept) * maps).sum(axis=(1, 2))
         return found

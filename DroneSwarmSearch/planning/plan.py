@@ -73,9 +73,9 @@ class Plan:
         cells = sum(target.belief.size for target in targets)
         self.round_work = len(paths) * self._steps * (STEP_WORK + cells)
 
-    def success_probabilities(self) -> list[float]:
-        """The probability that the plan finds each target (POS)."""
-        return [float(passes.found().sum()) for passes in self._passes]
+    def found(self) -> list[Floats]:
+        """The probability that the plan finds each target in each step, (n,)."""
+        return [passes.found() for passes in self._passes]
 
     def value(self) -> float:
         """The expected worth of all finds."""

@@ -3,25 +3,26 @@
 Removing or adding the searches of a segment changes the passes only near the segment. A drone
 that gets from one end to the other in L steps stays in a box, and a person who leaves the box must
 come back to be searched again, so a margin of L / 2 cells around it makes the passes exact. A
-person whose drift model has no `matrices` may move farther, and gets the whole grid.
+person whose drift model has no `matrices` may move farther, and gets all of the mass.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.drift.belief import over_hypotheses
+from DroneSwarmSearch.drift.model import over_layers
 from DroneSwarmSearch.planning.passes import Box, Passes
 from DroneSwarmSearch.planning.paths import Path
 
 __all__ = ["Segment", "reach_of"]
 
 Searches = dict[int, tuple[slice, int, int]]
-"""For each step with a search, the indices of its cell's states in a mass."""
+"""For each step with a search, the indices of its cell's states in the mass."""
 
 
 def reach_of(start: int, goal: int | None, steps: int, size: int) -> Box:
@@ -38,8 +39,8 @@ def reach_of(start: int, goal: int | None, steps: int, size: int) -> Box:
 class Segment:
     """What one target contributes to the gains of a segment of one drone's path.
 
-    `reach` are the cells that the drone can reach in it, `cells` the number of cells of all
-    hypotheses in which the passes are computed; 0 if the person cannot be there.
+    `reach` are the cells that the drone can reach in it, `cells` the number of states for which
+    the passes are computed; 0 if the person cannot be there.
     """
 
     def __init__(self, passes: Passes, old: Path, begin: int, reach: Box) -> None:
@@ -48,19 +49,21 @@ class Segment:
         passes.update(begin, end - 1)
         self._chain, self._first = target.chain, passes.first + begin
         matrices = [self._chain.matrices(self._first + step) for step in range(steps)]
-        self._reach, self._box = reach, reach.grown(reach.size)
+        self._reach, rows, columns = reach, slice(None), slice(None)
+        self._box: Box | None = None
+        self.cells, kept = target.belief.size, self._chain.lift(passes.kept[begin:end])[:, 0]
         if matrices[0] is not None:
             self._box = reach.grown(steps // 2).common(passes.likely(begin, end))
-        self.cells = len(target.belief) * math.prod(self._box.shape)
+            self.cells = len(target.belief) * math.prod(self._box.shape)
+            rows, columns = self._box.slices()
         if not self.cells:
             return
-        rows, columns = self._box.slices()
         self._q, self._worth = target.detection, target.worth[begin:end]
         self._matrices = [
             (along_x[:, columns, columns], along_y[:, rows, rows])
             for along_x, along_y in filter(None, matrices)
         ]
-        self._kept = passes.kept[begin:end, rows, columns].copy()
+        self._kept = kept[:, rows, columns].copy()
         searches = self._local(old)
         for step, (_, y, x) in searches.items():
             self._kept[step, y, x] = 1.0
@@ -74,10 +77,13 @@ class Segment:
 
     def _local(self, path: Path) -> Searches:
         """The searches of a path in the box."""
-        steps = path.searches.nonzero()[0]
-        y, x, inside = self._box.local(path.cells[steps])
-        places = zip(steps[inside].tolist(), y[inside].tolist(), x[inside].tolist(), strict=True)
-        return {step: (slice(None), row, column) for step, row, column in places}
+        steps, size = path.searches.nonzero()[0], self._reach.size
+        box, places = self._box, path.cells[steps]
+        if box is None:
+            box, places = Box(0, size + 1, 0, size, size), self._chain.places[places]
+        y, x, inside = box.local(places)
+        found = zip(steps[inside].tolist(), y[inside].tolist(), x[inside].tolist(), strict=True)
+        return {step: (slice(None), row, column) for step, row, column in found}
 
     def _forward(self, mass: Floats, step: int) -> Floats:
         if not self._matrices:
@@ -129,14 +135,21 @@ class Segment:
 
     def add_gains(self, gains: Floats) -> None:
         """Add the gain of one search of each cell in reach in each step."""
-        common = self._box.common(self._reach)
-        if not self.cells or not all(common.shape):
+        if not self.cells:
             return
-        inner, outer = ((..., *common.slices(box)) for box in (self._box, self._reach))
+        inner: tuple[Any, ...] = (...,)
+        if self._box is not None:
+            common = self._box.common(self._reach)
+            if not all(common.shape):
+                return
+            inner, outer = ((..., *common.slices(box)) for box in (self._box, self._reach))
         gain = self._worth[:, None, None, None] - self._rests[inner]
         gain *= self._masses[inner]
         gain *= self._q
-        gains[outer] += over_hypotheses(gain.swapaxes(0, 1))
+        if self._box is None:
+            gains += self._chain.map(gain)[(..., *self._reach.slices())]
+        else:
+            gains[outer] += over_layers(gain.swapaxes(0, 1))
 
     def gain(self, new: Path) -> float:
         """How much the value increases if the segment is replaced."""

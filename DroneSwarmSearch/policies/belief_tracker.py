@@ -71,9 +71,10 @@ class BeliefTracker:
     def success(self) -> Floats:
         """Probability of success (POS) of searching each cell: float64, shape (N, N), [y, x].
 
-        The mean over the missing persons of probability of detection x belief. In the coverage
-        mission, it is unknown who would have been found, so each person counts as much as the
-        probability that no search so far has found them.
+        The mean over the missing persons of probability of detection x belief, x the probability
+        of being alive for those with `survival`. In the coverage mission, it is unknown who would
+        have been found, so each person counts as much as the probability that no search so far
+        has found them.
         """
         success: Floats = Outlook(self, 0).success[0]
         return success
@@ -85,10 +86,10 @@ class BeliefTracker:
         """
         return Outlook(self, steps).success
 
-    def worth(self, person: int) -> float:
-        """The factor that turns `joint` of a missing person into `success`, before the mean."""
-        kept = self._beliefs[person].kept if self._beliefs else 1.0
-        return self.scenario.detections[person] * kept
+    def worth(self, person: int, step: int) -> float:
+        """What turns the mass of a missing person in a step into `success`, before the mean."""
+        kept, who = self._beliefs[person].kept if self._beliefs else 1.0, self.scenario.situation
+        return who[person].probability_of_detection * kept * who[person].alive(step)
 
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
         """The matrix shown while some persons, by default `missing`, are: float32, (N, N)."""
@@ -172,14 +173,17 @@ class Outlook:
     def __init__(self, tracker: BeliefTracker, steps: int) -> None:
         size, self._tracker = tracker.scenario.grid_size, tracker
         self._masses = {person: [tracker.joint(person)] for person in tracker.missing}
-        self._worths = {person: tracker.worth(person) for person in tracker.missing}
+        ahead = range(tracker.step, tracker.step + steps + 1)
+        self._worths = {
+            person: [tracker.worth(person, step) for step in ahead] for person in tracker.missing
+        }
         self.success = np.zeros((steps + 1, size, size))
         for person, masses in self._masses.items():
             model = tracker.forecasts[person]
             for step in range(tracker.step, tracker.step + steps):
                 masses.append(model.forward(masses[-1], step))
-            for total, mass in zip(self.success, masses, strict=True):
-                total += self._worths[person] * model.map(mass)
+            for total, worth, mass in zip(self.success, self._worths[person], masses, strict=True):
+                total += worth * model.map(mass)
         self.success /= len(tracker.missing)
 
     def search(self, cell: Cell, ahead: int) -> None:
@@ -193,9 +197,9 @@ class Outlook:
             found.reshape(-1)[states] = detection * masses[ahead].reshape(-1)[states]
             if not found.any():
                 continue
-            worth = self._worths[person] / len(self._masses)
             for later in range(ahead, last + 1):
                 masses[later] -= found
+                worth = self._worths[person][later] / len(self._masses)
                 self.success[later] -= worth * model.map(found)
                 if later < last:
                     found = model.forward(found, first + later)

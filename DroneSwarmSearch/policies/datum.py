@@ -63,7 +63,8 @@ def datums_of(forecast: DriftModel, step: int) -> list[Datum]:
 
     Hypotheses whose areas meet share a datum, and so do those that others connect; usually all.
     """
-    parts = zip(forecast.joint(step), forecast.weights.tolist(), strict=True)
+    maps = forecast.by_hypothesis(forecast.joint(step))
+    parts = zip(maps, forecast.weights.tolist(), strict=True)
     likely = [part for part in parts if part[0].any()]  # a weight may be too small for a float
     singles = [_datum(*part) for part in likely]
     groups: list[list[int]] = []

@@ -105,9 +105,10 @@ class PlannedPolicy(SwarmPolicy):
     ) -> tuple[list[PlannedStep], Floats]:
         """The next steps (see `horizon`) of a swarm that finds nobody, by the actions of `act`.
 
-        Also returns the probability that they find each missing person.
+        Also returns the probability that they find each missing person, alive.
         """
         tracker, unfound = copy.deepcopy(tracker), np.ones(len(tracker.missing))
+        dead = np.zeros(len(unfound))  # the probability that they find the person dead
         steps: list[PlannedStep] = []
         for _ in range(self.horizon(tracker)):
             actions = [*map(int, act(tracker, cells))]
@@ -117,7 +118,10 @@ class PlannedPolicy(SwarmPolicy):
             searched = [cell for cell, action in moved if action == Action.SEARCH]
             for which, person in enumerate(tracker.missing if searched else ()):
                 within = float(tracker.belief(person).reshape(-1)[searched].sum())
-                unfound[which] *= 1.0 - min(self.scenario.detections[person] * within, 1.0)
+                found = min(self.scenario.detections[person] * within, 1.0)
+                alive = self.scenario.situation[person].alive(tracker.step)
+                dead[which] += unfound[which] * found * (1.0 - alive)
+                unfound[which] *= 1.0 - found
             tracker.update(cells, actions)
             cells = [self._positions[self._neighbours[cell][action]] for cell, action in moved]
-        return steps, 1.0 - unfound
+        return steps, 1.0 - unfound - dead

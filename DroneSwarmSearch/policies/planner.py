@@ -53,9 +53,10 @@ class PlannerPolicy(PlannedPolicy):
     way share it. On a terminal, a bar on stderr shows the progress after two seconds.
 
     A plan maximises the probability of success by the limit, with several persons its mean over
-    those who are missing, and among nearly equal plans prefers early finds (``EARLY_BONUS``). With
-    one person, it is never worse than the paths of `PosteriorGreedyPolicy` and
-    `ForecastGreedyPolicy`. With several, a plan only lasts until the next find.
+    those who are missing, and among nearly equal plans prefers early finds (``EARLY_BONUS``). Of
+    persons with `survival`, it is the probability of finding them alive. With one person, a plan is
+    never worse than the paths of `PosteriorGreedyPolicy` and `ForecastGreedyPolicy`. With several,
+    it only lasts until the next find.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -90,13 +91,16 @@ class PlannerPolicy(PlannedPolicy):
         bonus = EARLY_BONUS if self.scenario.mission == "rescue" else 0.0
         worth = 1.0 + bonus * (1.0 - np.arange(steps) / steps)
         forecasts, detections = tracker.forecasts, self.scenario.detections
+        missing, ahead = tracker.missing, range(step, step + steps)
+        alive = np.array([[*map(self.scenario.situation[each].alive, ahead)] for each in missing])
+        alive /= alive[:, 0].max() or 1.0  # relative, so that MIN_GAIN means the same
         targets = [
-            Target(forecasts[person], detections[person], tracker.joint(person), worth)
-            for person in tracker.missing
+            Target(forecasts[person], detections[person], tracker.joint(person), worth * survival)
+            for person, survival in zip(missing, alive, strict=True)
         ]
 
         def success(paths: list[Path]) -> float:
-            return sum(Plan(targets, step, paths).success_probabilities())
+            return sum(float(each.sum()) for each in alive * Plan(targets, step, paths).found())
 
         best_initial = max(initial, key=success)
         idle = idle_paths([int(path.cells[0]) for path in best_initial], steps)

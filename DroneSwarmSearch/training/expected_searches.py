@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal.arrays import Floats, Integers, Singles
-from DroneSwarmSearch.drift.belief import over_hypotheses
 from DroneSwarmSearch.drift.model import forecasts_of
 from DroneSwarmSearch.policies.arrivals import STEPS, Arrivals
 from DroneSwarmSearch.rules import Action, neighbours_of_all
@@ -67,7 +66,6 @@ class ExpectedSearches:
         self._forecasts, numbers = forecasts_of(
             [model for each in models for model in each],
             last=last,
-            hypotheses=1,
             keeps_matrices=False,
         )
         self._forecasts.reach(last)
@@ -78,15 +76,13 @@ class ExpectedSearches:
         by_search[is_person] = numbers
         self._numbers = by_search.T.reshape(-1)  # [person, search], flat
         joint = self._forecasts.joint(self._numbers)
-        joint *= (is_person / counts[:, None]).T.reshape(-1, 1, 1, 1)
-        joint = np.moveaxis(joint, 0, -1).astype(np.float32, order="C")
-        # [hypothesis, y, x, person, search]
-        self._beliefs: Any = joint.reshape(*joint.shape[:3], *by_search.T.shape)
+        joint *= (is_person / counts[:, None]).T.reshape(-1, 1, 1)
+        # [layer, place, person and search]
+        self._beliefs: Any = np.moveaxis(joint, 0, -1).astype(np.float32, order="C")
 
     def _drift(self, beliefs: Any, step: int) -> None:
         """Let the beliefs drift by a step, in place."""
-        entries = step * self._forecasts.count + self._numbers
-        self._forecasts.drift(beliefs.reshape(*beliefs.shape[:3], -1), entries)
+        self._forecasts.drift(beliefs, step * self._forecasts.count + self._numbers)
 
     @property
     def positions(self) -> Integers:
@@ -103,7 +99,8 @@ class ExpectedSearches:
         for step in range(steps + 1):
             if step:
                 self._drift(beliefs, self.step + step - 1)
-            ahead[:, step] = over_hypotheses(beliefs).sum(axis=2).transpose(2, 0, 1)
+            maps = self._forecasts.map(beliefs, self._numbers).reshape(size, size, -1, count)
+            ahead[:, step] = maps.sum(axis=2).transpose(2, 0, 1)
         return self._arrivals.inputs(
             ahead, self.positions, np.full(count, remaining), self.timestep_limit, self._detections
         )
@@ -119,11 +116,13 @@ class ExpectedSearches:
         """
         rewards = np.zeros(actions.shape)
         search, drone = (actions == Action.SEARCH).nonzero()
-        y, x = np.divmod(self.cells[search, drone], self.grid_size)
         detections = self._detections[search]
-        before = self._beliefs[:, y, x, :, search]  # no two drones are in one cell
-        rewards[search, drone] = detections * before.sum(axis=(1, 2))
-        self._beliefs[:, y, x, :, search] = (1.0 - detections)[:, None, None] * before
+        columns = np.arange(len(self._numbers)).reshape(-1, len(self.cells))[:, search]
+        cells = np.broadcast_to(self.cells[search, drone], columns.shape)
+        where = slice(None), self._forecasts.places(self._numbers[columns], cells), columns
+        before = self._beliefs[where]  # [layer, person, search]; no two drones are in one cell
+        rewards[search, drone] = detections * before.sum(axis=(0, 1))
+        self._beliefs[where] = (1.0 - detections) * before
         self.found += rewards.sum(axis=1)
         self.cells = self._neighbours[self.cells, actions]
         self._drift(self._beliefs, self.step)

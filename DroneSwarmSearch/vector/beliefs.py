@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
-from DroneSwarmSearch.drift.belief import means_over_missing, normalise, over_hypotheses
-from DroneSwarmSearch.drift.model import Forecasts
+from DroneSwarmSearch.drift.belief import means_over_missing, normalise
+from DroneSwarmSearch.drift.model import Forecasts, over_layers
 
 __all__ = ["Beliefs"]
 
@@ -22,52 +22,52 @@ _LEAST_ROWS, _MOST_ROWS = 64, 1024
 
 
 class Beliefs:
-    """The beliefs about every row's persons, each with the same number of hypotheses, M.
+    """The beliefs about every row's persons, each of the shape (M, L) of the forecasts' mass.
 
     Every person's belief is that of a person who has not been found, even after the find. The
     rows are the last axis, because each has its own moves. They are divided into tiles that fit
     into the cache: row i is column i % width of tile i // width.
 
     Attributes:
+        forecasts: where the persons may be; `entries` are the current ones of each person in each
+            row there, an array that the caller changes: int64, (persons, rows).
         begun: which rows have beliefs: bool, (rows,).
         kept: the probability that no search so far finds the person: float64, (persons, rows).
     """
 
-    def __init__(self, grid_size: int, persons: int, hypotheses: int, rows: int) -> None:
-        self._size = grid_size
-        fit = _TILE_BYTES // (8 * hypotheses * grid_size**2)
+    def __init__(self, grid_size: int, forecasts: Forecasts, entries: Ints) -> None:
+        self._size, self.forecasts, self._entries = grid_size, forecasts, entries
+        (persons, rows), shape = entries.shape, forecasts.shape
+        fit = _TILE_BYTES // (8 * shape[0] * shape[1])
         most = min(_MOST_ROWS, max(_LEAST_ROWS, fit))
         # An odd width: the cells of a row lie in different lines of the cache.
         self._width = -(-rows // -(-rows // most)) | 1
         tiles = -(-rows // self._width)
         # The columns after the last row are not used.
-        self._mass = np.zeros((tiles, persons, hypotheses, grid_size**2, self._width))
+        self._mass = np.zeros((tiles, persons, *shape, self._width))
         self.begun = np.zeros(rows, np.bool_)
         self.kept = np.ones((persons, rows))
 
-    def pad(self, hypotheses: int) -> None:
-        """Add hypotheses of weight 0 up to this number; drop the last ones if there are more."""
-        more = max(0, hypotheses - self._mass.shape[2])
-        padded = np.pad(self._mass, [(0, 0), (0, 0), (0, more), (0, 0), (0, 0)])
-        self._mass = np.ascontiguousarray(padded[:, :, :hypotheses])
+    def use(self, forecasts: Forecasts) -> None:
+        """Use other forecasts; layers and places without mass are added, or left out."""
+        self.forecasts, shape = forecasts, forecasts.shape
+        layers, places = np.maximum(np.subtract(shape, self._mass.shape[2:4]), 0)
+        padded = np.pad(self._mass, [(0, 0), (0, 0), (0, layers), (0, places), (0, 0)])
+        self._mass = np.ascontiguousarray(padded[:, :, : shape[0], : shape[1]])
 
     def forget(self, rows: Ints) -> None:
         """Drop the beliefs of some rows, whose next episodes begin."""
         self.begun[rows] = False
         self.kept[:, rows] = 1.0
 
-    def begin(self, rows: Ints, forecasts: Forecasts, entries: Ints) -> None:
-        """Let the beliefs of some rows equal the forecast, unless they have begun.
-
-        `entries` are each person's in the forecasts: int64, (persons, all rows).
-        """
+    def begin(self, rows: Ints) -> None:
+        """Let the beliefs of some rows equal the forecast, unless they have begun."""
         new = np.unique(rows[~self.begun[rows]])
         tiles = new // self._width
         for tile in np.unique(tiles):
             some = new[tiles == tile]
-            for mass, entry in zip(self._mass[tile], entries[:, some], strict=True):
-                joint = forecasts.joint(entry).reshape(len(some), -1, self._size**2)
-                mass[..., some % self._width] = np.moveaxis(joint, 0, -1)
+            for mass, entry in zip(self._mass[tile], self._entries[:, some], strict=True):
+                mass[..., some % self._width] = np.moveaxis(self.forecasts.joint(entry), 0, -1)
         self.begun[new] = True
 
     def search(self, rows: Ints, cells: Ints, detections: Floats) -> None:
@@ -79,7 +79,8 @@ class Beliefs:
         searched = np.zeros(self.begun.shape, np.bool_)
         searched[rows] = True
         for person, detection in enumerate(detections):
-            where = tile, person, slice(None), cells, column
+            places = self.forecasts.places(self._entries[person, rows], cells)
+            where = tile, person, slice(None), places, column
             before = self._mass[where]  # (n, M)
             self._mass[where] = before * (1.0 - detection[:, None])
             missed = self._normalise(person, searched)
@@ -87,7 +88,7 @@ class Beliefs:
             self.kept[person] *= np.where(searched, np.minimum(missed, 1.0), 1.0)
             undo = missed[rows] <= 0.0  # the searches contradict the belief: restore it
             if undo.any():
-                where = tile[undo], person, slice(None), cells[undo], column[undo]
+                where = tile[undo], person, slice(None), places[undo], column[undo]
                 self._mass[where] = before[undo]
 
     def _normalise(self, person: int, searched: Flags) -> Floats:
@@ -98,19 +99,23 @@ class Beliefs:
             if some.any():
                 here = np.zeros(self._width, np.bool_)
                 here[: len(some)] = some
-                sums = normalise(mass.reshape(-1, self._size, self._size, self._width), here)
+                sums = normalise(mass.reshape(len(mass), -1, self._size, self._width), here)
                 total[first : first + self._width] = sums[: len(some)]
         return total
 
-    def drift(self, forecasts: Forecasts, entries: Ints) -> None:
-        """Let the beliefs drift by a step; arguments as for `begin`, before the step."""
-        size, width = self._size, self._width
+    def drift(self) -> None:
+        """Let the beliefs drift by a step; the entries are those before it."""
         for first, tile in zip(self._firsts(), self._mass, strict=True):
-            if self.begun[first : first + width].any():
-                for mass, entry in zip(tile, entries[:, first : first + width], strict=True):
-                    of_columns = np.zeros(width, np.int64)
-                    of_columns[: len(entry)] = entry
-                    forecasts.drift(mass.reshape(-1, size, size, width), of_columns)
+            if self.begun[first : first + self._width].any():
+                for mass, entry in zip(tile, self._of_columns(first), strict=True):
+                    self.forecasts.drift(mass, entry)
+
+    def _of_columns(self, first: int) -> Ints:
+        """The entries of each column of a tile, whose first row is given; 0 after the last."""
+        some = self._entries[:, first : first + self._width]
+        of_columns = np.zeros((len(some), self._width), np.int64)
+        of_columns[:, : some.shape[1]] = some
+        return of_columns
 
     def _firsts(self) -> range:
         """The first row of each tile."""
@@ -124,18 +129,19 @@ class Beliefs:
             rows = slice(first, first + self._width)
             if self.begun[rows].any():
                 here = counted[:, rows]
-                maps = [over_hypotheses(mass)[:, : here.shape[1]] for mass in tile]
+                pairs = zip(tile, self._of_columns(first), strict=True)
+                maps = [self.forecasts.map(*pair)[:, : here.shape[1]] for pair in pairs]
                 matrices = means_over_missing(maps, here).astype(np.float32).T
                 out[rows] = matrices.reshape(-1, self._size, self._size)
 
     def matrices(self, rows: Ints, counted: Flags) -> Singles:
         """The matrices of some rows with beliefs: float32, (n, N, N); `counted` is of these."""
-        maps = [over_hypotheses(mass) for mass in self.mass(rows)]
+        maps = list(map(self.forecasts.map, self.mass(rows), self._entries[:, rows]))
         matrices = means_over_missing(maps, counted).T.astype(np.float32)
         return np.ascontiguousarray(matrices).reshape(-1, self._size, self._size)
 
     def mass(self, rows: Ints) -> Floats:
-        """The beliefs in some rows: float64, (persons, M, N², n)."""
+        """The beliefs in some rows: float64, (persons, M, L, n)."""
         tile, column = np.divmod(rows, self._width)
         return np.moveaxis(self._mass[tile, :, :, :, column], 0, -1)
 
@@ -145,10 +151,12 @@ class Beliefs:
         return values
 
     def _at(self, rows: Ints, cells: Ints) -> list[Floats]:
-        """Each person's belief about one cell in each of some rows, over all hypotheses: (n,)."""
+        """Each person's belief about one cell in each of some rows: (n,)."""
         tile, column = np.divmod(rows, self._width)
-        persons = range(len(self.kept))
-        return [over_hypotheses(self._mass[tile, k, :, cells, column].T) for k in persons]
+        places = [self.forecasts.places(entry, cells) for entry in self._entries[:, rows]]
+        return [
+            over_layers(self._mass[tile, k, :, each, column].T) for k, each in enumerate(places)
+        ]
 
     # The probability of success.
 
@@ -156,7 +164,10 @@ class Beliefs:
         """The cumulative probability of success (POS) in every row: float64, (rows,)."""
         return 1.0 - means_over_missing(self.kept, np.ones(self.kept.shape, np.bool_))
 
-    def added_success(self, rows: Ints, cells: Ints, detections: Floats) -> Floats:
-        """What each search adds to it, as if it were its row's only one: float64, (n,)."""
-        added = self.kept[:, rows] * detections * np.array(self._at(rows, cells))
+    def added_success(self, rows: Ints, cells: Ints, worths: Floats) -> Floats:
+        """What each search adds to it, as if it were its row's only one: float64, (n,).
+
+        `worths` are each person's probability of detection times that of being alive: (persons, n).
+        """
+        added = self.kept[:, rows] * worths * np.array(self._at(rows, cells))
         return means_over_missing(added, np.ones(added.shape, np.bool_))

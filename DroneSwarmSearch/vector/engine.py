@@ -453,7 +453,12 @@ class SearchBatch:
         hypotheses = [tuple(model.weights.tolist()) for model in models]
         if mass is not None:
             pairs = list(zip(models, mass, strict=True))
-            hypotheses = [model.hypotheses(each[: len(model.weights)]) for model, each in pairs]
+            hypotheses = [
+                model.hypotheses(
+                    each[: model.state_shape[0], : model.layer].reshape(model.state_shape)
+                )
+                for model, each in pairs
+            ]
             forecasts = [model.exact(step) for model in models]
             prior = mean_over_missing(forecasts, missing.nonzero()[0].tolist()).astype(np.float32)
         return Frame(
@@ -540,7 +545,9 @@ def _scenarios_of(
         raise ValueError(f"situations must hold at least one situation, got {situations!r}")
     made = []
     for place, each in enumerate(given):
-        own = checked_persons(f"situations[{place}]", each, scenario.grid_size)
+        own = checked_persons(
+            f"situations[{place}]", each, scenario.grid_size, scenario.timestep_limit
+        )
         persons = persons or len(own)
         if len(own) != persons:
             raise ValueError(

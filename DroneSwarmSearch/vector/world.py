@@ -12,7 +12,7 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, numbers, unit_numbers
-from DroneSwarmSearch.drift.belief import means_over_missing, over_hypotheses, shown_persons
+from DroneSwarmSearch.drift.belief import means_over_missing, shown_persons
 from DroneSwarmSearch.drift.model import forecasts_of
 from DroneSwarmSearch.rules import COVERED_AT
 from DroneSwarmSearch.scenario import Scenario
@@ -28,7 +28,7 @@ class Catalogue:
         scenarios: the searches, all with the same number of persons.
         kept: searches that episodes under way have, but new ones do not draw.
         cells: the drones' start cells in each search, (searches, n_drones), if they are its own.
-        hypotheses: the least number of hypotheses about each person, see `Forecasts`.
+        shape: the least shape of mass, see `Forecasts`.
         complete: make the table of matrices for all steps at once.
 
     Attributes:
@@ -36,6 +36,8 @@ class Catalogue:
         forecasts: the different forecasts of their persons.
         numbers: the number of each person's forecast in each search: int64, (persons, searches).
         detections: each person's probability of detection: float64, (persons, searches).
+        alive: the probability that each person is alive after some completed steps, the last of
+            which stands for all later ones: float64, (searches, persons, steps).
     """
 
     def __init__(
@@ -43,7 +45,7 @@ class Catalogue:
         scenarios: Sequence[Scenario],
         kept: Sequence[Scenario] = (),
         cells: Ints | None = None,
-        hypotheses: int = 1,
+        shape: tuple[int, int] = (1, 1),
         complete: bool = False,
     ) -> None:
         self.scenarios, self.choices = (*scenarios, *kept), len(scenarios)
@@ -52,12 +54,16 @@ class Catalogue:
         self.forecasts, numbers = forecasts_of(
             [model for scenario in self.scenarios for model in scenario.forecasts()],
             last=limit,
-            hypotheses=hypotheses,
+            shape=shape,
             keeps_matrices=complete or not scenarios[0].bayesian_update,
         )
         self.numbers: Ints = numbers.reshape(len(self.scenarios), -1).T.copy()
         detections = np.array([scenario.detections for scenario in self.scenarios])
         self.detections: Floats = detections.T.copy()
+        situations = [scenario.situation for scenario in self.scenarios]
+        steps = range(max(len(each.survival or [1]) for persons in situations for each in persons))
+        alive = [[[*map(each.alive, steps)] for each in persons] for persons in situations]
+        self.alive: Floats = np.array(alive)
         if complete:
             what = f"the table of matrices for {self.forecasts.count} different forecasts"
             needed = self.forecasts.step_bytes * (limit + 1)
@@ -86,13 +92,12 @@ class BatchState:
         self.situation = np.zeros(rows, np.int64)
         self.missing = np.ones((self._persons, rows), np.bool_)
         self.finds = np.zeros((2, self._persons, rows), np.int64)
+        self._entries = np.zeros((self._persons, rows), np.int64)  # in the catalogue's forecasts
         self.beliefs: Beliefs | None = None
         if scenario.keeps_beliefs:
-            hypotheses = catalogue.forecasts.hypotheses
-            self.beliefs = Beliefs(self._size, self._persons, hypotheses, rows)
+            self.beliefs = Beliefs(self._size, catalogue.forecasts, self._entries)
         self._shown = self.beliefs if scenario.bayesian_update else None
         self._states = np.zeros((self._persons, rows), np.int64)
-        self._entries = np.zeros((self._persons, rows), np.int64)  # in the catalogue's forecasts
         # The counters of a step's drift draws, from the key of the episode on.
         self._places = np.arange(1, 2 * self._persons + 1, dtype=np.uint64)[:, None] * GOLDEN
         self._draws = np.zeros((2 * self._persons, rows), np.uint64)
@@ -123,7 +128,7 @@ class BatchState:
         """A catalogue for `use` that keeps the searches of episodes other than those starting."""
         going = np.delete(self.situation, starting)
         kept = [self.catalogue.scenarios[number] for number in np.unique(going)]
-        least = self.catalogue.forecasts.hypotheses if kept else 1
+        least = self.catalogue.forecasts.shape if kept else (1, 1)
         return Catalogue(scenarios, kept, cells, least, self.catalogue.complete)
 
     def use(self, catalogue: Catalogue, starting: Ints) -> None:
@@ -135,7 +140,7 @@ class BatchState:
         self._entries[:, going] += self.step[going] * catalogue.forecasts.count
         catalogue.forecasts.reach(int(self.step[going].max(initial=0)))
         if self.beliefs is not None:
-            self.beliefs.pad(catalogue.forecasts.hypotheses)
+            self.beliefs.use(catalogue.forecasts)
         self.catalogue = catalogue
 
     # A step: `observed`, then `search`, then `advance`.
@@ -148,8 +153,11 @@ class BatchState:
         if not self._scenario.reward_scheme.expected_finds:
             return self.probabilities(rows, cells).astype(np.float64)
         assert self.beliefs is not None
-        self.beliefs.begin(rows, self.catalogue.forecasts, self._entries)
-        return self.beliefs.added_success(rows, cells, self._detections_of(rows))
+        self.beliefs.begin(rows)
+        alive = self.catalogue.alive
+        steps = np.minimum(self.step.take(rows), alive.shape[2] - 1)
+        worths = self._detections_of(rows) * alive[self.situation.take(rows), :, steps].T
+        return self.beliefs.added_success(rows, cells, worths)
 
     def search(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
         """Apply a step's searches: decide which of them find a person, update the beliefs.
@@ -173,7 +181,7 @@ class BatchState:
             self.finds[:, person, where] = drones.take(hits), cells.take(hits)
             found.append(drones.take(hits))
         if self.beliefs is not None:
-            self.beliefs.begin(rows, self.catalogue.forecasts, self._entries)
+            self.beliefs.begin(rows)
             self.beliefs.search(rows, cells, self._detections_of(rows))
         return np.concatenate(found)
 
@@ -196,7 +204,7 @@ class BatchState:
         """Let the persons and the beliefs drift by a step."""
         forecasts = self.catalogue.forecasts
         if self.beliefs is not None:
-            self.beliefs.drift(forecasts, self._entries)
+            self.beliefs.drift()
         draws = unit_numbers(self._draws).reshape(self._persons, 2, -1).swapaxes(0, 1)
         self._states = forecasts.walk(self._states, self._entries, draws)
         self._draws += self._places[-1]
@@ -208,8 +216,7 @@ class BatchState:
     @property
     def person_cells(self) -> Ints:
         """Every person's cell, y * N + x: int64, (persons, rows)."""
-        cells: Ints = self._states % self._size**2
-        return cells
+        return self.catalogue.forecasts.cells(self._states, self._entries)
 
     @property
     def table_index(self) -> Ints:
@@ -218,10 +225,10 @@ class BatchState:
         return entries
 
     def shown_mass(self, row: int) -> Floats | None:
-        """The beliefs about each person, if the matrix of a row shows them: (persons, M, N, N)."""
+        """The beliefs about each person, if the matrix of a row shows them: (persons, M, L)."""
         if self._shown is None or not self._shown.begun[row]:
             return None
-        return self._shown.mass(np.array([row])).reshape(self._persons, -1, self._size, self._size)
+        return self._shown.mass(np.array([row]))[..., 0]
 
     # The matrices.
 
@@ -273,7 +280,10 @@ class BatchState:
         shown = np.take_along_axis(entries, counted.argmax(axis=0)[None], axis=0)
         matrices = forecasts.matrices(shown[0])
         mixed = ((entries != shown) & counted).any(axis=0)  # a mean of different forecasts
-        maps = [over_hypotheses(forecasts.joint(entry[mixed]).swapaxes(0, 1)) for entry in entries]
-        mean = means_over_missing(maps, counted[:, mixed][..., None, None])
-        matrices[mixed] = mean.astype(np.float32)
+        maps = [
+            forecasts.map(np.moveaxis(forecasts.joint(entry), 0, -1), entry)
+            for entry in entries[:, mixed]
+        ]
+        mean = means_over_missing(maps, counted[:, mixed]).T.astype(np.float32)
+        matrices[mixed] = mean.reshape(-1, self._size, self._size)
         return matrices

@@ -1,0 +1,251 @@
+"""The drift model of tracks: a Markov chain whose probabilities are counted from them.
+
+Track p has the weight w_p, and is in the state s_p(t) at step t: a part of a cell, and a class that
+never changes. With n_t(s), the weight of the tracks in s at t, and N_t(s, s'), that of those in s
+at t and in s' at t + 1, the person is the Markov chain
+
+    P(S_0 = s) = n_0(s),    P(S_{t+1} = s' | S_t = s) = N_t(s, s') / n_t(s).
+
+By induction P(S_t = s) = n_t(s): the matrix is the weighted histogram of the tracks at every step,
+and a person only makes moves that some track made. (Transition probabilities as counts over cells:
+S. M. Ulam, A Collection of Mathematical Problems, 1960.)
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch.drift.model import DriftModel, Forecasts
+
+if TYPE_CHECKING:
+    from DroneSwarmSearch.drift.tracks import Tracks
+
+__all__ = ["Chain", "ChainForecasts", "fine_cells"]
+
+
+class _Step(NamedTuple):
+    """The states at a step, and the transitions to the next one; states are numbers in flat mass.
+
+    Attributes:
+        states: in ascending order, (S,).
+        mass: the probability of each.
+        first: the first transition of each, and the number of transitions: (S + 1,).
+        after: where each transition leads, in the order of the states: (E,).
+        sums: for each, its state's index plus the cumulative probability up to it.
+        sources, targets, chances: the transitions in the order of `forward`: one into each state,
+            the states with the most first; then a second one into those that have it, and so on.
+        into: the number of states with at least 1, 2, ... transitions into them.
+    """
+
+    states: Ints
+    mass: Floats
+    first: Ints
+    after: Ints
+    sums: Floats
+    sources: Ints
+    targets: Ints
+    chances: Floats
+    into: list[int]
+
+
+class Chain(DriftModel):
+    """The Markov chain of some tracks; nobody moves after the last step of the tracks.
+
+    A layer of mass holds one part of each cell that some track visits, for one class: mass has the
+    shape (classes * fine², R, N). `Tracks.chain` makes chains, and keeps them.
+    """
+
+    def __init__(self, tracks: Tracks, grid_size: int, fine: int, classes: int) -> None:
+        self.key = self._tracks, self.grid_size, self._fine, _ = tracks, grid_size, fine, classes
+        self._labels = _class_labels(tracks, classes)
+        self.weights = _sums(self._labels, tracks.weights)
+        self._last = tracks.steps
+        visited = np.zeros(grid_size**2, np.bool_)
+        for step in range(self._last + 1):
+            x, y = fine_cells(tracks.positions[step], grid_size, 1)
+            visited[y * grid_size + x] = True
+        self.kept_cells = visited.nonzero()[0]
+        _, rows, columns = super().state_shape
+        self._shape = len(self.weights) * fine**2, rows, columns
+        self._steps: dict[int, _Step] = {}
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), self.key
+
+    # States and cells.
+
+    @property
+    def state_shape(self) -> tuple[int, int, int]:
+        return self._shape
+
+    # The forecast, and the steps of a distribution.
+
+    def joint(self, step: int) -> Floats:
+        now = self.transitions(step)
+        joint = np.zeros(self._shape)
+        joint.reshape(-1)[now.states] = now.mass
+        return joint
+
+    def forward(self, mass: Floats, step: int) -> Floats:
+        now = self.transitions(step)
+        flow = mass.reshape(-1).take(now.sources)
+        flow *= now.chances
+        return _sums(now.targets, flow, mass.size).reshape(self._shape)
+
+    def backward(self, value: Floats, step: int) -> Floats:
+        now = self.transitions(step)
+        flow = value.reshape(-1).take(now.targets)
+        flow *= now.chances
+        return _sums(now.sources, flow, value.size).reshape(self._shape)
+
+    # The steps of a person.
+
+    def walk(
+        self, state: int, step: int, draws_x: Sequence[float], draws_y: Sequence[float]
+    ) -> list[int]:
+        path = []
+        for draw in draws_x:
+            now = self.transitions(step)
+            number = int(now.states.searchsorted(state))
+            first, end = now.first[number], now.first[number + 1]
+            state = int(now.after[bisect_right(now.sums, number + draw, first, end - 1)])
+            path.append(state)
+            step += 1
+        return path
+
+    def moved(self, states: Ints, step: int, draws_x: Floats, draws_y: Floats) -> Ints:
+        now = self.transitions(step)
+        numbers = now.states.searchsorted(states)
+        chosen = now.sums.searchsorted(numbers + draws_x, side="right")
+        after: Ints = now.after[np.clip(chosen, now.first[numbers], now.first[numbers + 1] - 1)]
+        return after
+
+    def branches(self, states: Ints, probabilities: Floats, step: int) -> tuple[Ints, Ints, Floats]:
+        now = self.transitions(step)
+        numbers = now.states.searchsorted(states)
+        counts = now.first[numbers + 1] - now.first[numbers]
+        place = np.repeat(np.arange(len(states)), counts)
+        which = np.arange(len(place)) + (now.first[numbers] - counts.cumsum() + counts)[place]
+        before = np.where(which > now.first[numbers][place], now.sums[which - 1], numbers[place])
+        return place, now.after[which], probabilities[place] * (now.sums[which] - before)
+
+    @classmethod
+    def together(cls, models: Sequence[Any], **options: Any) -> ChainForecasts:
+        return ChainForecasts(models, **options)
+
+    # Counting.
+
+    def transitions(self, step: int) -> _Step:
+        """The table of a step, counted on first use; that of the last one leads to itself."""
+        step = min(step, self._last)
+        if step not in self._steps:
+            self._steps[step] = self._counted(step)
+        return self._steps[step]
+
+    def _counted(self, step: int) -> _Step:
+        size, weights = self._shape[0] * self.layer, self._tracks.weights
+        x, y, here = self._at(step)
+        next_x, next_y, there = self._at(min(step + 1, self._last))
+        in_state = _sums(here, weights, size)
+        states = in_state.nonzero()[0]
+        mass, number = in_state[states], np.zeros(size, np.int64)
+        number[states] = np.arange(len(states))
+        # Nobody moves farther than to the next cell, so a transition is a state and one of few
+        # displacements.
+        reach = 2 * self._fine - 1
+        width = 2 * reach + 1
+        code = (number[here] * width + next_y - y + reach) * width + next_x - x + reach
+        counts, leads_to = _sums(code, weights), np.zeros(code.max() + 1, np.int64)
+        leads_to[code] = there
+        (kept,) = counts.nonzero()
+        source, after = kept // width**2, leads_to[kept]
+        first = source.searchsorted(np.arange(len(states) + 1))
+        chances = counts[kept] / mass[source]
+        sums = chances.cumsum()
+        sums += source - np.append(0.0, sums)[first[source]]
+        sums[first[1:] - 1] = np.arange(1.0, len(states) + 1)
+        # The order of `forward`.
+        order = after.argsort(kind="stable")
+        _, start, degrees = np.unique(after[order], return_index=True, return_counts=True)
+        ordinal = np.arange(len(order)) - np.repeat(start, degrees)
+        order = order[
+            np.lexsort((np.repeat((-degrees).argsort(kind="stable").argsort(), degrees), ordinal))
+        ]
+        return _Step(
+            states,
+            mass,
+            first,
+            after,
+            sums,
+            states[source[order]],
+            after[order],
+            chances[order],
+            np.bincount(ordinal).tolist(),
+        )
+
+    def _at(self, step: int) -> tuple[Ints, Ints, Ints]:
+        """The fine cell of each track at a step, x and y, and its state."""
+        size, fine = self.grid_size, self._fine
+        x, y = fine_cells(self._tracks.positions[step], size, fine)
+        part = (self._labels * fine + y % fine) * fine + x % fine
+        return x, y, part * self.layer + self.places[y // fine * size + x // fine]
+
+
+def _sums(numbers: Ints, weights: Floats, size: int = 0) -> Floats:
+    """The sum of the weights with each number, added in order; at least `size` of them."""
+    sums: Any = np.bincount(numbers, weights, size)
+    return sums  # type: ignore[no-any-return]
+
+
+def fine_cells(positions: Floats, grid_size: int, fine: int) -> Ints:
+    """The fine cells, (2, P), of positions, (P, 2), x first; positions off the grid count as on it.
+
+    Each cell has `fine` by `fine` of them.
+    """
+    cells = np.floor((positions.T + 0.5) * fine).astype(np.int64)
+    return np.clip(cells, 0, grid_size * fine - 1, out=cells)
+
+
+def _class_labels(tracks: Tracks, classes: int) -> Ints:
+    """The class of each track, (P,), by its positions at six steps.
+
+    The class with the largest sum of squares along one of these is split at its median, and so on.
+    """
+    steps = np.linspace(0, tracks.steps, 6).round().astype(np.int64)
+    features = np.concatenate(tracks.positions[steps], axis=1)  # (P, 12)
+    labels = np.zeros(len(features), np.int64)
+    for new in range(1, classes):
+        spreads = np.array(
+            [features[labels == each].var(axis=0) * (labels == each).sum() for each in range(new)]
+        )
+        widest, feature = np.unravel_index(spreads.argmax(), spreads.shape)
+        values = np.where(labels == widest, features[:, feature], -np.inf)
+        labels[values > np.median(values[labels == widest])] = new
+    return labels
+
+
+class ChainForecasts(Forecasts):
+    """`Chain` for many rows: those with one model and at one step drift together."""
+
+    def drift(self, mass: Floats, entries: Ints) -> None:
+        different = np.unique(entries)
+        for (model, step), entry in zip(self._each(different), different, strict=True):
+            assert isinstance(model, Chain)
+            layers, rows, columns = model.state_shape
+            who: Any = (entries == entry).nonzero()[0] if len(different) > 1 else slice(None)
+            own = mass[:layers, : rows * columns, who]
+            flat, now = own.reshape(layers * rows * columns, -1), model.transitions(step)
+            flow = flat.take(now.sources, 0)
+            flow *= now.chances[:, None]
+            total, first = flow[: now.into[0]], now.into[0]
+            for count in now.into[1:]:  # in the order of `Chain.forward`
+                total[:count] += flow[first : first + count]
+                first += count
+            after = np.zeros_like(flat)
+            after[now.targets[: now.into[0]]] = total
+            mass[:layers, : rows * columns, who] = after.reshape(own.shape)

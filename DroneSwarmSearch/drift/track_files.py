@@ -1,0 +1,129 @@
+"""Positions in cells from NetCDF files of the CF conventions, such as those of OpenDrift."""
+
+from __future__ import annotations
+
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch.drift.scale import Scale
+
+__all__ = ["positions"]
+
+Pair = tuple[float, float]
+
+EQUATOR, ECCENTRICITY2 = 6378137.0, 0.00669437999014
+"""Of the WGS 84 ellipsoid: the radius in metres, and the square of the eccentricity."""
+
+
+def positions(
+    path: Path,
+    scale: Scale,
+    *,
+    origin: Pair,
+    cell: Pair,
+    start: str | None,
+    steps: int | None,
+    diffusivity: float,
+    seed: int,
+) -> tuple[Floats, int]:
+    """The positions at the search's steps, (steps + 1, P, 2), and the number of lost elements.
+
+    Between the file's times they are interpolated. See `Tracks.read` for the arguments.
+    """
+    degrees, seconds, stranded = _read(path)
+    begin = seconds[0] if start is None else datetime.fromisoformat(start).timestamp()
+    covered = int((seconds[-1] - begin) / scale.seconds_per_step + 1e-9)
+    if not seconds[0] <= begin or covered < (steps or 1):
+        first, last = (datetime.fromtimestamp(each, timezone.utc) for each in seconds[[0, -1]])
+        raise ValueError(
+            f"start and steps must lie within the times of {path}, {first} to {last}, got "
+            f"start={start} and steps={steps} of {scale.seconds_per_step:g} s"
+        )
+    times: Any = begin + scale.seconds_per_step * np.arange((steps or covered) + 1)
+    cells = _cells(degrees, scale, origin, cell)
+    tracks, adrift, lost = _tracked(cells, seconds, times, stranded)
+    if diffusivity:
+        deviation, shape = np.sqrt(scale.diffusion(diffusivity)), tracks[1:].shape
+        moves = np.random.default_rng(seed).normal(0.0, deviation, shape) * adrift[:-1, :, None]
+        tracks[1:] += moves.cumsum(axis=0)
+    return tracks, lost
+
+
+def _read(path: Path) -> tuple[Floats, Floats, Flags]:
+    """Longitudes and latitudes (2, times, P), the times in seconds since 1970, and who strands."""
+    try:
+        import netCDF4
+    except ImportError as error:
+        raise ImportError(
+            'reading NetCDF needs netCDF4: pip install "DroneSwarmSearchEnvironment[tracks]"'
+        ) from error
+    if not path.is_file():
+        raise FileNotFoundError(f"path must name a file, but there is no {str(path)!r}")
+    try:
+        data = netCDF4.Dataset(path)
+    except OSError as error:
+        raise ValueError(f"{path} must be a NetCDF file, got another: {error}") from None
+    with data:
+        named = {getattr(each, "standard_name", key): each for key, each in data.variables.items()}
+        try:
+            longitude, latitude, time = (named[key] for key in ("longitude", "latitude", "time"))
+            (when,) = time.dimensions
+            across = longitude.dimensions.index(when)
+        except (KeyError, TypeError, ValueError):
+            raise ValueError(
+                f"{path} must have variables with the standard names longitude, latitude and time, "
+                f"and one time for all elements, got {', '.join(data.variables) or 'none'}"
+            ) from None
+        # CF times have no zone, which means UTC.
+        dates: Any = netCDF4.num2date(
+            time[:], time.units, getattr(time, "calendar", "standard"), False, True
+        )
+        seconds = [each.replace(tzinfo=timezone.utc).timestamp() for each in np.ma.filled(dates)]
+        degrees = np.stack(
+            [np.ma.filled(each[:].astype(np.float64), np.nan) for each in (longitude, latitude)]
+        )
+        degrees = np.moveaxis(degrees, across + 1, 1)
+        stranded = np.zeros(degrees.shape[2], np.bool_)
+        if "status" in data.variables:
+            status = data["status"]
+            meanings = zip(
+                status.flag_meanings.split(), np.atleast_1d(status.flag_values), strict=False
+            )
+            codes = [code for meaning, code in meanings if meaning == "stranded"]
+            by_time = np.moveaxis(np.ma.filled(status[:], -1), across, 0)
+            stranded = np.any(np.isin(by_time, codes), axis=0)
+    return degrees, np.array(seconds), stranded
+
+
+def _cells(degrees: Floats, scale: Scale, origin: Pair, cell: Pair) -> Floats:
+    """Positions in cells, (times, P, 2), with degrees as long as they are at the origin."""
+    phi = np.radians(origin[1])
+    curved = 1 - ECCENTRICITY2 * np.sin(phi) ** 2
+    radii = EQUATOR / np.sqrt(curved) * np.array([np.cos(phi), (1 - ECCENTRICITY2) / curved])
+    east, north = (degrees[0] - origin[0] + 180) % 360 - 180, degrees[1] - origin[1]
+    metres = np.radians(np.stack([east, -north], axis=-1)) * radii
+    cells: Floats = metres / scale.metres_per_cell + cell
+    return cells
+
+
+def _tracked(
+    cells: Floats, seconds: Floats, times: Floats, stranded: Flags
+) -> tuple[Floats, Flags, int]:
+    """The positions at some times, whether each is adrift then, and the number of those lost."""
+    active: Flags = np.all(np.isfinite(cells), axis=2)
+    ends = len(active) - 1 - active[::-1].argmax(axis=0)  # the last known position
+    here = np.clip(seconds.searchsorted(times, side="right") - 1, 0, len(seconds) - 2)
+    part = (times - seconds[here]) / (seconds[here + 1] - seconds[here])
+    last = here[-1] + int(part[-1] > 0.0)
+    is_known: Flags = active[here[0]] & (stranded | (ends >= last))
+    which: Ints = is_known.nonzero()[0]
+    end, tracks = ends[which], np.empty((len(times), len(which), 2))
+    for step, (before, share) in enumerate(zip(here.tolist(), part.tolist(), strict=True)):
+        a, b = (cells[np.minimum(each, end), which] for each in (before, before + 1))
+        tracks[step] = a if share == 0.0 else (1.0 - share) * a + share * b
+    adrift = ~stranded[which] | (times[:, None] < seconds[end])
+    return tracks, adrift, len(is_known) - len(which)

@@ -1,0 +1,381 @@
+"""Tracks: where a drift simulation sends many copies of a person, from arrays or files."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch._internal.files import replacing
+from DroneSwarmSearch.drift.chain import Chain, fine_cells
+from DroneSwarmSearch.drift.scale import Scale
+
+if TYPE_CHECKING:
+    from DroneSwarmSearch.scenario import Scenario
+
+__all__ = ["Tracks"]
+
+MOST_LOST = 0.1
+"""The largest share of lost tracks: nobody knows what became of them."""
+
+MOST_BEYOND, MOST_UNSEEN = 0.01, 0.1
+"""The shares above which there is a warning: of tracks off the grid, and of those that are held out
+where no other track is."""
+
+
+class Tracks:
+    """The tracks of many copies of a person, as a drift simulation makes them.
+
+    A `Person` made of tracks drifts as they do, whatever moved them: currents, tides, a wind that
+    veers, a coast::
+
+        tracks = Tracks.read("drift.nc", scale=scale, origin=(4.8, 60.1), cell=(30, 30))
+        fitted, held_out = tracks.split()
+        scenario = Scenario(61, persons=Person(fitted, probability_of_detection=0.8))
+
+    Args:
+        positions: where each track is at steps 0 to T, in cells: shape (T + 1, P, 2), x first. The
+            cell is the rounded position. A track that ends in NaN stays where it was last, as if
+            stranded. The array is not copied: do not change it.
+        weights: how likely each track is relative to the others, shape (P,); by default, equally.
+
+    Attributes:
+        positions: without NaN; float64, read-only.
+        weights: float64, shape (P,), above 0; they sum to 1. Tracks of weight 0 are left out.
+        stranded: the number of tracks that end in NaN, or strand in a file.
+        lost: the number of tracks in a file that end for another reason, and are left out.
+        source: the file, its SHA-256 and the arguments of `read`, as plain data; or None.
+
+    Raises:
+        TypeError: an argument holds no real numbers.
+        ValueError: an argument has a wrong shape, a track jumps more than a cell along an axis in a
+            step or has NaN before its end, or the weights are not finite, or below 0, or all 0.
+    """
+
+    def __init__(self, positions: ArrayLike, weights: ArrayLike | None = None) -> None:
+        what = "real numbers of shape (steps + 1, tracks, 2), in cells, x first"
+        given = checks.numbers("positions", positions, what).astype(np.float64, copy=False)
+        if given.ndim != 3 or given.shape[2] != 2 or given.shape[1] < 1 or len(given) < 2:
+            raise ValueError(f"positions must be {what}, got shape {given.shape}")
+        shares = np.ones(given.shape[1])
+        if weights is not None:
+            what = f"{len(shares)} finite numbers of at least 0, one for each track, not all 0"
+            shares = checks.numbers("weights", weights, what).astype(np.float64)
+            is_valid = shares.shape == given.shape[1:2] and np.isfinite(shares).all()
+            if not (is_valid and shares.min() >= 0.0 < shares.max()):
+                raise ValueError(f"weights must be {what}, got {weights!r:.100}")
+            if not shares.all():
+                given, shares = given[:, shares > 0.0], shares[shares > 0.0]
+        given, self.stranded = _without_gaps(given)
+        _check_jumps(given)
+        self.positions: Floats = given.view()
+        self.weights: Floats = shares / shares.sum()
+        self.positions.flags.writeable = self.weights.flags.writeable = False
+        self.lost = 0
+        self.source: dict[str, Any] | None = None
+        self._chains: dict[tuple[int, ...], Chain] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_chains": {}}
+
+    def __deepcopy__(self, memo: object) -> Tracks:
+        return self
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Tracks):
+            return NotImplemented
+        pairs = (self.positions, other.positions), (self.weights, other.weights)
+        return self is other or all(np.array_equal(*pair) for pair in pairs)
+
+    def __hash__(self) -> int:
+        return hash((self.positions.shape, self.positions[-1].tobytes()))
+
+    def __len__(self) -> int:
+        return len(self.weights)
+
+    def __repr__(self) -> str:
+        text = f"{len(self):,} tracks, {self.steps} steps"
+        text += f", {self.stranded:,} stranded" * (self.stranded > 0)
+        text += f", {self.lost:,} lost and left out" * (self.lost > 0)
+        low, high = self.positions.min(axis=(0, 1)), self.positions.max(axis=(0, 1))
+        ranges = (f"{name} {a:.1f} to {b:.1f}" for name, a, b in zip("xy", low, high, strict=True))
+        return f"<Tracks: {text}, {', '.join(ranges)}>"
+
+    @property
+    def steps(self) -> int:
+        """The number of steps, T."""
+        return len(self.positions) - 1
+
+    @property
+    def vector(self) -> tuple[float, float]:
+        """The mean drift in cells per step, (x, y)."""
+        x, y = (self.weights @ (self.positions[-1] - self.positions[0]) / self.steps).tolist()
+        return x, y
+
+    # Parts of the tracks.
+
+    def split(self, held_out: float = 0.25, seed: int = 0) -> tuple[Tracks, Tracks]:
+        """Split the tracks at random: those to fit a person to, and those to test a plan on.
+
+        Args:
+            held_out: the share of the second part, above 0 and below 1.
+            seed: of the random order.
+        """
+        count = round(checks.real("held_out", held_out, 0, 1) * len(self))
+        if not 0 < count < len(self):
+            raise ValueError(
+                f"held_out must leave tracks in both parts, got {held_out!r} of {self}"
+            )
+        order = np.random.default_rng(checks.integer("seed", seed, 0)).permutation(len(self))
+        return self._of(order[count:]), self._of(order[:count])
+
+    def thin(self, n: int, seed: int = 0) -> Tracks:
+        """Keep n of the tracks, drawn at random without replacement."""
+        count = checks.integer("n", n, 1, len(self))
+        return self._of(np.random.default_rng(seed).permutation(len(self))[:count])
+
+    def _of(self, which: Ints) -> Tracks:
+        return Tracks(self.positions[:, which], self.weights[which])
+
+    # The drift model.
+
+    def chain(self, grid_size: int, fine: int = 2, classes: int = 1) -> Chain:
+        """The drift model of the tracks on a grid; see `Person` for the arguments."""
+        key = grid_size, fine, classes
+        if key not in self._chains:
+            off = max(self.mass_beyond(grid_size, step) for step in self._some_steps)
+            if off > MOST_BEYOND:
+                warnings.warn(
+                    f"{off:.1%} of tracks leave the grid of {grid_size} x {grid_size} cells, "
+                    "and count as in its outer cells: take a larger grid, or larger cells",
+                    stacklevel=2,
+                )
+            self._chains[key] = Chain(self, *key)
+        return self._chains[key]
+
+    def mass_beyond(self, grid_size: int, step: int) -> float:
+        """The share of the tracks that are off the grid at a step."""
+        cells = np.floor(self.positions[min(step, self.steps)] + 0.5)
+        return float(self.weights @ ((cells < 0) | (cells >= grid_size)).any(axis=1))
+
+    def check_number(self, fine: int) -> None:
+        """Warn if the tracks are too few for cells of `fine` by `fine` parts."""
+        shares, held_out = [], np.zeros(len(self), np.bool_)
+        held_out[np.random.default_rng(0).permutation(len(self))[: -(-len(self) // 4)]] = True
+        for step in self._some_steps:
+            x, y = np.floor((self.positions[step].T + 0.5) * fine)
+            places = x * 2.0**26 + y
+            shares.append(1.0 - np.isin(places[held_out], places[~held_out]).mean())
+        if (unseen := np.mean(shares)) > MOST_UNSEEN:
+            warnings.warn(
+                f"{len(self):,} tracks are few: of a quarter held out, {unseen:.0%} are where no "
+                "other track is, so a plan promises more than it finds; take more tracks"
+                + ", or fine=1"
+                * (fine > 1),
+                stacklevel=4,
+            )
+
+    @property
+    def _some_steps(self) -> list[int]:
+        return sorted({round(self.steps * part / 8) for part in range(9)})
+
+    # Plans.
+
+    def found(
+        self, policy: Any, scenario: Scenario | None = None, *, drones_positions: object = None
+    ) -> float:
+        """The share of these tracks that a plan or a policy finds by the time limit.
+
+        The drones search to the end as if without success; each search of a track's cell finds it
+        with the probability of detection. Compare the result, for tracks that were held out from
+        the fit, with the probability of success that the search promises.
+
+        Args:
+            policy: a policy, which maps the observations of the environment to actions; or a plan,
+                the actions of all drones: integers of shape (steps, n_drones).
+            scenario: the search, for one person; by default the policy's `scenario`.
+            drones_positions: the drones' start cells, as for `reset`.
+        """
+        from DroneSwarmSearch.evaluation.rollout import searches_of
+
+        search: Any = scenario or getattr(policy, "scenario", None)
+        missed, size = self.weights.copy(), search.grid_size
+        for step, cells in enumerate(searches_of(policy, search, drones_positions)):
+            x, y = fine_cells(self.positions[min(step, self.steps)], size, 1)
+            missed[np.isin(y * size + x, cells)] *= 1.0 - search.detections[0]
+        return 1.0 - float(missed.sum())
+
+    # Files.
+
+    def save(self, path: str | Path, fine: int = 2) -> None:
+        """Write the tracks to a compact file, ``.npz``, that `read` reads.
+
+        Positions are rounded to the middle of `fine` by `fine` parts of each cell, so a `Person`
+        with the same `fine` stays the same.
+        """
+        if Path(path).suffix != ".npz":
+            raise ValueError(f"path must end in .npz, got {str(path)!r}")
+        parts = np.floor((self.positions + 0.5) * checks.integer("fine", fine, 1, 4))
+        arrays = {
+            "start": parts[0].astype(np.int32),
+            "steps": np.diff(parts, axis=0).astype(np.int8),
+        }
+        with replacing(Path(path)) as spare:
+            np.savez_compressed(spare, fine=np.array(fine), weights=self.weights, **arrays)
+
+    @classmethod
+    def read(
+        cls,
+        path: str | Path,
+        *,
+        scale: Scale | None = None,
+        origin: tuple[float, float] | None = None,
+        cell: tuple[float, float] = (0.0, 0.0),
+        start: datetime | None = None,
+        steps: int | None = None,
+        diffusivity: float = 0.0,
+        seed: int = 0,
+    ) -> Tracks:
+        """Read tracks from a NetCDF file of OpenDrift, another CF trajectory file, or `save`.
+
+        NetCDF needs the extra ``tracks``: variables with the standard names longitude, latitude and
+        time, with common times for all elements. Stranded elements (by OpenDrift's `status`) stay
+        where they are. Elements that are not yet released at `start`, or vanish for another reason
+        before the last step, are lost and left out.
+
+        Args:
+            path: a file that ends in ``.npz`` is one of `save`, and takes no other arguments.
+            scale: the size of cells and the duration of steps.
+            origin: the position (longitude, latitude) in degrees of the middle of `cell`.
+            cell: a cell (x, y) of the grid; north is up.
+            start: when the search begins, with its time zone; by default the file's first time.
+            steps: the number of steps; by default as many as the file covers.
+            diffusivity: of the turbulent sea in m²/s, if the simulation had none, as OpenDrift's
+                Leeway model by default: a random walk of variance 2 K t along each axis is added
+                until an element strands.
+            seed: of this random walk.
+
+        Raises:
+            ImportError: netCDF4 is missing.
+            OSError: there is no such file.
+            TypeError: an argument is of the wrong type.
+            ValueError: the file or an argument is unsuitable, or more than a tenth of the elements
+                are lost.
+        """
+        arguments: dict[str, Any] = {}
+        if Path(path).suffix == ".npz":
+            tracks = _unpacked(Path(path))
+        else:
+            from DroneSwarmSearch.drift import track_files
+
+            if not isinstance(scale, Scale):
+                raise TypeError(f"scale must be a Scale, got {scale!r}")
+            if not isinstance(start, (datetime, type(None))) or (start and not start.tzinfo):
+                raise ValueError(f"start must be a datetime with a time zone, got {start!r}")
+            arguments = {
+                "origin": checks.pair("origin", origin),
+                "cell": checks.pair("cell", cell),
+                "start": start and start.isoformat(),
+                "steps": None if steps is None else checks.integer("steps", steps, 1),
+                "diffusivity": checks.real("diffusivity", diffusivity, 0),
+                "seed": checks.integer("seed", seed, 0),
+            }
+            positions, lost = track_files.positions(Path(path), scale, **arguments)
+            released = lost + positions.shape[1]
+            if lost > MOST_LOST * released:
+                raise ValueError(
+                    f"{path} must lose at most {MOST_LOST:.0%} of its elements before the last "
+                    f"step but for stranding, got {lost:,} of {released:,}: simulate a larger "
+                    "area, or take fewer steps"
+                )
+            tracks = cls(positions)
+            tracks.lost = lost
+            arguments["scale"] = [scale.metres_per_cell, scale.seconds_per_step]
+        digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        tracks.source = {"file": str(path), "sha256": digest, **arguments}
+        return tracks
+
+    def to_dict(self) -> dict[str, Any]:
+        """The `source` as plain data for JSON, from which `from_dict` reads the file again.
+
+        Tracks from arrays have no file, only a hash, and cannot be restored.
+        """
+        if self.source is not None:
+            return self.source
+        digest = hashlib.sha256(self.positions.tobytes() + self.weights.tobytes()).hexdigest()
+        return {"file": None, "sha256": digest}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Tracks:
+        """Read the file of `to_dict` again.
+
+        Raises:
+            ValueError: the tracks were given as arrays, or the file has changed.
+        """
+        arguments = {**data}
+        file, digest = arguments.pop("file"), arguments.pop("sha256")
+        if file is None:
+            raise ValueError(
+                "tracks must come from a file to be restored, but these were given as arrays: "
+                "write such tracks with Tracks.save, and use what Tracks.read returns"
+            )
+        if arguments:
+            start = arguments["start"] and datetime.fromisoformat(arguments["start"])
+            arguments.update(scale=Scale(*arguments["scale"]), start=start)
+        tracks = cls.read(file, **arguments)
+        if tracks.to_dict()["sha256"] != digest:
+            raise ValueError(f"{file} must be as it was when its SHA-256 was saved; it has changed")
+        return tracks
+
+
+def _without_gaps(positions: Floats) -> tuple[Floats, int]:
+    """Positions where tracks that end in NaN stay where they were, and the number of these."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(positions.sum()):
+            return positions, 0
+    missing: Flags = np.any(~np.isfinite(positions), axis=2)
+    wrong: Flags = missing[0] | np.any(missing[:-1] & ~missing[1:], axis=0)
+    if wrong.any():
+        raise ValueError(
+            "positions must be finite, or NaN from some step to the end of a track, "
+            f"got NaN at the start or in the middle of {np.count_nonzero(wrong):,} tracks, the "
+            f"first of them track {int(wrong.argmax())}"
+        )
+    filled = positions.copy()
+    for step in range(1, len(filled)):
+        filled[step, missing[step]] = filled[step - 1, missing[step]]
+    return filled, int(missing[-1].sum())
+
+
+def _check_jumps(positions: Floats) -> None:
+    """Raise a ValueError if a track goes farther than to an adjacent cell in a step."""
+    before = np.floor(positions[0] + 0.5)
+    for step, now in enumerate(positions[1:], 1):
+        cells = np.floor(now + 0.5)
+        farthest = np.abs(cells - before).max(axis=1)
+        if farthest.max() > 1:
+            raise ValueError(
+                "positions must move at most one cell along each axis in a step, but track "
+                f"{int(farthest.argmax())} moves {farthest.max():.0f} in step {step}, as do "
+                f"{np.count_nonzero(farthest > 1) - 1:,} others: take shorter steps or larger cells"
+            )
+        before = cells
+
+
+def _unpacked(file: Path) -> Tracks:
+    """The tracks in a file of `Tracks.save`."""
+    try:
+        with np.load(file) as data:
+            start, steps, fine, weights = (data[k] for k in ("start", "steps", "fine", "weights"))
+    except (KeyError, ValueError) as error:
+        raise ValueError(f"{file} must be a file of Tracks.save, got another: {error}") from None
+    parts = np.concatenate([start[None], steps]).cumsum(axis=0, dtype=np.int64)
+    return Tracks((parts + 0.5) / int(fine) - 0.5, weights)
