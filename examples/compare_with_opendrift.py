@@ -301,7 +301,7 @@ def search_at_the_coast(options: argparse.Namespace) -> list[tuple[object, ...]]
         )
     print(fitted)
     known = {**ADRIFT._asdict(), "start": COAST_CELL, "scale": COAST_SCALE}
-    known["current"] = current(*PLACE)
+    known |= {"current": current(*PLACE), "jibing": options.jibing}
     persons = {
         "leeway.person": leeway.person(**known, probability_of_detection=DETECTION),
         "Person(tracks)": Person(fitted, DETECTION),

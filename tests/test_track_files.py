@@ -318,7 +318,7 @@ def without(*names: str) -> Any:
         ),
         (
             lambda path: write(path, [[DRIFTING[0], NOWHERE, *DRIFTING[2:]]]),
-            "NaN at the start or in the middle of 1 tracks",
+            "or NaN at the start or in the middle, in 1 tracks",
         ),
     ],
 )
