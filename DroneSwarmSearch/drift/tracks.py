@@ -277,6 +277,8 @@ class Tracks:
                 are lost.
         """
         arguments: dict[str, Any] = {}
+        if not Path(path).is_file():
+            raise FileNotFoundError(f"path must name a file, but there is no {str(path)!r}")
         if Path(path).suffix == ".npz":
             tracks = _unpacked(Path(path))
         else:
@@ -284,26 +286,27 @@ class Tracks:
 
             if not isinstance(scale, Scale):
                 raise TypeError(f"scale must be a Scale, got {scale!r}")
-            if not isinstance(start, (datetime, type(None))) or (start and not start.tzinfo):
-                raise ValueError(f"start must be a datetime with a time zone, got {start!r}")
+            if start is not None and not (isinstance(start, datetime) and start.tzinfo):
+                error = ValueError if isinstance(start, datetime) else TypeError
+                raise error(f"start must be a datetime with a time zone, got {start!r}")
             arguments = {
-                "origin": checks.pair("origin", origin),
+                "origin": checks.pair("origin", origin, "(longitude, latitude) in degrees"),
                 "cell": checks.pair("cell", cell),
                 "start": start and start.isoformat(),
                 "steps": None if steps is None else checks.integer("steps", steps, 1),
                 "diffusivity": checks.real("diffusivity", diffusivity, 0),
                 "seed": checks.integer("seed", seed, 0),
             }
-            positions, lost = track_files.positions(Path(path), scale, **arguments)
+            positions, stranded, lost = track_files.positions(Path(path), scale, **arguments)
             released = lost + positions.shape[1]
             if lost > MOST_LOST * released:
                 raise ValueError(
                     f"{path} must lose at most {MOST_LOST:.0%} of its elements before the last "
                     f"step but for stranding, got {lost:,} of {released:,}: simulate a larger "
-                    "area, or take fewer steps"
+                    "area, start later or take fewer steps"
                 )
             tracks = cls(positions)
-            tracks.lost = lost
+            tracks.stranded, tracks.lost = stranded, lost
             arguments["scale"] = [scale.metres_per_cell, scale.seconds_per_step]
         digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
         tracks.source = {"file": str(path), "sha256": digest, **arguments}
@@ -380,9 +383,9 @@ def _check_jumps(positions: Floats) -> None:
 def _unpacked(file: Path) -> Tracks:
     """The tracks in a file of `Tracks.save`."""
     try:
-        with np.load(file) as data:
+        with file.open("rb") as opened, np.load(opened) as data:
             start, steps, fine, weights = (data[k] for k in ("start", "steps", "fine", "weights"))
-    except (KeyError, ValueError) as error:
-        raise ValueError(f"{file} must be a file of Tracks.save, got another: {error}") from None
+    except Exception:  # one of many types, as the file may be anything
+        raise ValueError(f"{file} must be a file of Tracks.save, got another") from None
     parts = np.concatenate([start[None], steps]).cumsum(axis=0, dtype=np.int64)
     return Tracks((parts + 0.5) / int(fine) - 0.5, weights)
