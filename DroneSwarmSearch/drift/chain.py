@@ -235,7 +235,8 @@ class ChainForecasts(Forecasts):
     def drift(self, mass: Floats, entries: Ints) -> None:
         model, step = self._each(entries[:1])[0]
         if len(mass) != model.state_shape[0] or (entries != entries[0]).any():
-            return super().drift(mass, entries)
+            super().drift(mass, entries)
+            return
         assert isinstance(model, Chain)
         flat, now = mass.reshape(-1, len(entries)), model.transitions(step)
         flow = flat.take(now.sources, 0)

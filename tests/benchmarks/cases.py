@@ -189,7 +189,7 @@ def situations(hypotheses: int, count: int, posterior: bool = False) -> Callable
 
 
 def of_tracks(size: Size, num_envs: int) -> Run:
-    """A batch of persons made of 30,000 tracks, that drift and diffuse for `TIMESTEP_LIMIT` steps."""
+    """A batch of persons made of 30,000 tracks, which drift and diffuse."""
     rng = np.random.default_rng(3)
     moves = rng.normal((0.05, 0.02), 0.3, (TIMESTEP_LIMIT + 1, 30_000, 2)).clip(-1, 1)
     moves[0] = rng.normal(size.grid_size / 2, size.grid_size / 15, (30_000, 2))
