@@ -60,9 +60,6 @@ _PARTS = 32
 _FEWEST_JIBES, _MOST_JIBES = 0.01, 50.0
 """Expected before the search; fewer are left out, and more change the position no further."""
 
-_LATEST = 1e7
-"""The latest time of a wind or a current in seconds, four months."""
-
 _FASTEST = 1000.0
 """The highest speed of a wind in m/s."""
 
@@ -352,7 +349,7 @@ def _in_each_step(scale: Scale, **series: Any) -> list[Floats]:
     for name, value in series.items():
         points = value if isinstance(value, Mapping) else {0.0: value}
         what = f"a time of {name}, in seconds from the last known position,"
-        times = sorted(checks.real(what, time, -_LATEST, _LATEST) for time in points)
+        times = sorted(checks.real(what, time, -1e7, 1e7) for time in points)  # four months
         count = None if len(times) > 1 else 1
         given.append((count, times, np.array([checks.pair(name, points[time]) for time in times])))
     last = max(scale.whole_steps(times[-1]) for _, times, _ in given)

@@ -490,10 +490,7 @@ def _deviations(name: str, value: object) -> tuple[float, float]:
 
 def _along_axes(value: Any) -> tuple[Any, Any]:
     """A validated value along x and along y: numbers, or tuples with one for each step."""
-    if isinstance(value, np.ndarray):
-        x, y = map(tuple, value.T.tolist())
-        return x, y
-    x, y = value
+    x, y = map(tuple, value.T.tolist()) if isinstance(value, np.ndarray) else value
     return x, y
 
 
