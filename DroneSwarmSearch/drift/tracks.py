@@ -106,9 +106,14 @@ class Tracks:
         text = f"{len(self):,} tracks, {self.steps} steps"
         text += f", {self.stranded:,} stranded" * (self.stranded > 0)
         text += f", {self.lost:,} lost and left out" * (self.lost > 0)
-        low, high = self.positions.min(axis=(0, 1)), self.positions.max(axis=(0, 1))
-        ranges = (f"{name} {a:.1f} to {b:.1f}" for name, a, b in zip("xy", low, high, strict=True))
-        return f"<Tracks: {text}, {', '.join(ranges)}>"
+        return f"<Tracks: {text}, {self._extent}>"
+
+    @cached_property
+    def _extent(self) -> str:
+        low = np.min([each.min(axis=0) for each in self.positions], axis=0)
+        high = np.max([each.max(axis=0) for each in self.positions], axis=0)
+        ranges = zip("xy", low, high, strict=True)
+        return ", ".join(f"{name} {first:.1f} to {last:.1f}" for name, first, last in ranges)
 
     @property
     def steps(self) -> int:
