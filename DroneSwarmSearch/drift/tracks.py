@@ -129,12 +129,7 @@ class Tracks:
     # Parts of the tracks.
 
     def split(self, held_out: float = 0.25, seed: int = 0) -> tuple[Tracks, Tracks]:
-        """Split the tracks at random: those to fit a person to, and those to test a plan on.
-
-        Args:
-            held_out: the share of the second part, above 0 and below 1.
-            seed: of the random order.
-        """
+        """Split the tracks at random: to fit a person, and the share held out to test plans on."""
         count = round(checks.real("held_out", held_out, 0, 1) * len(self))
         if not 0 < count < len(self):
             raise ValueError(
@@ -183,9 +178,7 @@ class Tracks:
         if (unseen := np.mean(shares)) > MOST_UNSEEN:
             warnings.warn(
                 f"{len(self):,} tracks are few: of a quarter held out, {unseen:.0%} are where no "
-                "other track is, so a plan promises more than it finds; take more tracks"
-                + ", or fine=1"
-                * (fine > 1),
+                "other track is, so a plan promises more than it finds; take more tracks",
                 stacklevel=4,
             )
 
@@ -198,17 +191,11 @@ class Tracks:
     def found(
         self, policy: Any, scenario: Scenario | None = None, *, drones_positions: object = None
     ) -> float:
-        """The share of these tracks that a plan or a policy finds by the time limit.
+        """The share of these tracks that a policy or a plan finds by the time limit.
 
-        The drones search to the end as if without success; each search of a track's cell finds it
-        with the probability of detection. Compare the result, for tracks that were held out from
-        the fit, with the probability of success that the search promises.
-
-        Args:
-            policy: a policy, which maps the observations of the environment to actions; or a plan,
-                the actions of all drones: integers of shape (steps, n_drones).
-            scenario: the search, for one person; by default the policy's `scenario`.
-            drones_positions: the drones' start cells, as for `reset`.
+        Compare it, for tracks that were held out from the fit, with the success that is promised.
+        A plan is the actions of all drones: integers of shape (steps, n_drones). The scenario, for
+        one person, is by default the policy's; `drones_positions` are as for `reset`.
         """
         from DroneSwarmSearch.evaluation.rollout import searches_of
 
@@ -222,11 +209,7 @@ class Tracks:
     # Files.
 
     def save(self, path: str | Path, fine: int = 2) -> None:
-        """Write the tracks to a compact file, ``.npz``, that `read` reads.
-
-        Positions are rounded to the middle of `fine` by `fine` parts of each cell, so a `Person`
-        with the same `fine` stays the same.
-        """
+        """Write a compact ``.npz`` for `read`; a `Person` with the same `fine` stays equal."""
         if Path(path).suffix != ".npz":
             raise ValueError(f"path must end in .npz, got {str(path)!r}")
         parts = np.floor((self.positions + 0.5) * checks.integer("fine", fine, 1, 4))
@@ -272,9 +255,8 @@ class Tracks:
         Raises:
             ImportError: netCDF4 is missing.
             OSError: there is no such file.
-            TypeError: an argument is of the wrong type.
-            ValueError: the file or an argument is unsuitable, or more than a tenth of the elements
-                are lost.
+            TypeError, ValueError: the file or an argument is unsuitable, or more than a tenth of
+                the elements are lost.
         """
         arguments: dict[str, Any] = {}
         if not Path(path).is_file():
