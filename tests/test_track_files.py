@@ -40,6 +40,7 @@ def write(
     status: Any = None,
     flags: dict[str, Any] = FLAGS,
     names: tuple[str, str, str] = ("lon", "lat", "time"),
+    standard_names: bool = True,
     order: tuple[str, str] = ("trajectory", "time"),
     dtype: str = "f4",
     **time: Any,
@@ -52,14 +53,16 @@ def write(
         data.createDimension("trajectory", len(degrees))
         data.createDimension("time", len(seconds))
         variable = data.createVariable(when, "f8", ("time",))
-        variable.standard_name = "time"
+        if standard_names:
+            variable.standard_name = "time"
         time = {"units": "seconds since 2026-06-01 12:00", "calendar": "standard", **time}
         variable.setncatts({key: value for key, value in time.items() if value})
         variable[:] = seconds
         for name, standard, axis in ((longitude, "longitude", 0), (latitude, "latitude", 1)):
             fill = np.nan if dtype[0] == "f" else -(2**31)
             variable = data.createVariable(name, dtype, order, fill_value=fill)
-            variable.standard_name = standard
+            if standard_names:
+                variable.standard_name = standard
             if dtype[0] == "i":
                 variable.scale_factor = 1e-7
             values = np.ma.masked_invalid(degrees[..., axis])
@@ -137,6 +140,8 @@ def test_start_and_steps(
     [
         {"order": ("time", "trajectory")},
         {"names": ("x", "y", "t")},
+        {"standard_names": False},
+        {"names": ("longitude", "latitude", "time"), "standard_names": False},
         {"dtype": "i4"},
         {"dtype": "f8", "names": ("longitude", "latitude", "time")},
         {"seconds": HOURS / 86400, "units": "days since 2026-06-01 12:00:00"},
