@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import re
 import sys
+import tempfile
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from DroneSwarmSearch import Person, Scale, Scenario, Tracks
 
@@ -115,6 +118,29 @@ def test_positions_between_the_times_of_the_file(tmp_path: Path) -> None:
     assert x[[0, 60, 180]] == pytest.approx([3, 5.79, 11.36], abs=0.01)
     np.testing.assert_allclose(np.diff(x), 8.36 / 180, atol=1e-4)
     np.testing.assert_allclose(y, 4, atol=1e-4)
+
+
+@given(
+    times=st.lists(st.integers(0, 7200), min_size=2, max_size=9, unique=True).map(sorted),
+    start=st.floats(0, 1),
+    seconds=st.integers(10, 2000),
+)
+def test_positions_are_interpolated(times: list[int], start: float, seconds: int) -> None:
+    begin = int(times[0] + start * (times[-1] - times[0]))
+    expected_steps = (times[-1] - begin) // seconds
+    assume(expected_steps > 0)
+    degrees = np.random.default_rng(0).uniform(-0.01, 0.01, (3, len(times), 2)) + ORIGIN
+    with tempfile.TemporaryDirectory() as folder:
+        path = write(Path(folder) / "a.nc", degrees, times, dtype="f8")
+        scale = Scale(2000, seconds)
+        tracks = read(path, scale=scale, start=NOON + timedelta(seconds=begin))
+    assert tracks.steps == expected_steps
+    at = begin + seconds * np.arange(tracks.steps + 1)
+    for element in range(3):
+        x = np.interp(at, times, degrees[element, :, 0] - ORIGIN[0]) * 27.9
+        y = np.interp(at, times, ORIGIN[1] - degrees[element, :, 1]) * 55.7
+        found = tracks.positions[:, element]
+        np.testing.assert_allclose(found, np.stack([x, y], axis=1), atol=0.001)
 
 
 @pytest.mark.parametrize(
