@@ -186,5 +186,7 @@ def _placed(person: Person, grid_size: int) -> Person:
     start = np.rint(grid_size // 2 - steps * mean)
     if person.drifts[0].starts_in_known_cell:
         start = np.clip(start, 0.0, grid_size - 1)
-    x, y = start.tolist()
-    return replace(person, drifts=tuple(replace(drift, start=(x, y)) for drift in person.drifts))
+    drifts = [
+        replace(drift, start=tuple(np.add(drift.start, start).tolist())) for drift in person.drifts
+    ]
+    return replace(person, drifts=tuple(drifts))

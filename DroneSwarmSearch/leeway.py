@@ -7,9 +7,12 @@ the offset of its class and e is normal with mean 0 and the class's standard dev
 for each object, and again while a + e/20 < 0. The crosswind leeway is likewise, with its own
 coefficients and its own e. Half of the objects go to the right of the wind and half to the left.
 
+Now and then, an object changes to the other side, which is called jibing: some 4% per hour.
+
 Source of the model: Breivik and Allen, "An operational search and rescue model for the Norwegian
-Sea and the North Sea", Journal of Marine Systems 69 (2008). It also lets an object change sides now
-and then (jibing), which is left out here. `CLASSES` names the source of the coefficients.
+Sea and the North Sea", Journal of Marine Systems 69 (2008); of the rate of jibing: Allen, "Leeway
+Divergence", USCG CG-D-05-05 (2005), also the default of OpenDrift. `CLASSES` names the source of
+the coefficients.
 """
 
 from __future__ import annotations
@@ -21,9 +24,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.persons import MAX_DIFFUSION, Drift, Person, warn_of_mass_beyond
 from DroneSwarmSearch.drift.scale import Scale
 
@@ -40,6 +46,12 @@ Pair = tuple[float, float]
 
 KNOT = 1852 / 3600
 """One knot in m/s."""
+
+_PARTS = 64
+"""Of the time adrift, in which objects may jibe."""
+
+_FEWEST_JIBES, _MOST_JIBES = 0.01, 50.0
+"""Expected before the search; fewer are left out, and more change the position no further."""
 
 _FASTEST = 1000.0
 """The highest speed of a wind in m/s."""
@@ -74,6 +86,14 @@ class LeewaySpeeds(NamedTuple):
     right_sd: float
     left: float
     left_sd: float
+
+
+class _Hypothesis(NamedTuple):
+    """The mean drift and its standard deviation, (x, y) in cells per step, and the weight."""
+
+    vector: Pair
+    vector_sd: Pair
+    weight: float
 
 
 @dataclass(frozen=True)
@@ -194,6 +214,7 @@ def person(
     current: Pair = (0.0, 0.0),
     diffusivity: float = 5.0,
     adrift: float = 0.0,
+    jibing: float = 0.04,
     scale: Scale,
     probability_of_detection: float = 1.0,
     hypotheses_per_side: int | None = None,
@@ -203,8 +224,9 @@ def person(
     """A person, raft or boat that drifts with the wind and the current.
 
     The result has one hypothesis for each side of the wind, or three for each side where the wind
-    is oblique to the axes and the errors downwind and crosswind differ much. In a calm there is no
-    leeway, and a single hypothesis. Wind and current are constant::
+    is oblique to the axes and the errors downwind and crosswind differ much. If the object is
+    adrift for 15 minutes or more, another one for each side stands for objects that have jibed.
+    In a calm there is no leeway, and a single hypothesis. Wind and current are constant::
 
         person = leeway.person(
             "PIW-1",
@@ -225,10 +247,14 @@ def person(
         current: in m/s, (east, north): where it flows to; see `current_towards`.
         diffusivity: of the turbulent sea, in m²/s; usually 1 to 10.
         adrift: seconds from the last known position to the search, rounded to whole steps.
+        jibing: how often the object changes the side of the wind, per hour, from 0 to 1. Jibes
+            during the search widen the map: the diffusion is larger by `jibing` cells² per cell
+            of leeway, which was fitted to tracks of OpenDrift.
         scale: the size of cells and the duration of steps.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
-        hypotheses_per_side: from 1 to 9. One ignores the correlation of the leeway along x and
-            y; more represent it. By default, three if it exceeds 1/4, and else one.
+        hypotheses_per_side: from 1 to 9, for objects that have not jibed. One ignores the
+            correlation of the leeway along x and y; more represent it. By default, three if it
+            exceeds 1/4, and else one.
         grid_size: if given, with `timestep_limit`, there is a warning if more than 1% of the
             forecast lies beyond such a grid within the limit.
         timestep_limit: steps in an episode.
@@ -243,16 +269,39 @@ def person(
         raise TypeError(f"scale must be a Scale, got {scale!r}")
     if hypotheses_per_side is not None:
         checks.integer("hypotheses_per_side", hypotheses_per_side, 1, 9)
-    common: dict[str, Any] = {
-        "start_sd": scale.cells(checks.real("position_sd", position_sd, 0)),
-        "diffusion": _diffusion(diffusivity, scale),
-        "adrift": scale.whole_steps(checks.real("adrift", adrift, 0)),
-    }
+    steps = scale.whole_steps(checks.real("adrift", adrift, 0))
+    per_hour = checks.real("jibing", jibing, 0, 1)
+    position_sd = scale.cells(checks.real("position_sd", position_sd, 0))
+    diffusion = _diffusion(diffusivity, scale)
     winds = checks.pair("wind", wind), checks.pair("current", current)
+
+    def drift(start: Pair, start_sd: float | Pair, hypothesis: _Hypothesis, share: float) -> Drift:
+        vector, vector_sd, weight = hypothesis
+        leeway = math.dist(vector, scale.vector(winds[1]))
+        return Drift(
+            start,
+            start_sd=start_sd,
+            vector=vector,
+            vector_sd=vector_sd,
+            diffusion=min(diffusion + per_hour * leeway, MAX_DIFFUSION),
+            adrift=steps,
+            weight=weight * share,
+        )
+
+    sides = _hypotheses(kind, *winds, scale, 1)
+    jibes = min(per_hour * scale.seconds(steps) / 3600, _MOST_JIBES)
+    if len(sides) == 1 or jibes < _FEWEST_JIBES:
+        jibes = 0.0
     drifts = [
-        Drift(start, vector=vector, vector_sd=vector_sd, weight=weight, **common)
-        for vector, vector_sd, weight in _hypotheses(kind, *winds, scale, hypotheses_per_side)
+        drift(start, position_sd, each, math.exp(-jibes))
+        for each in _hypotheses(kind, *winds, scale, hypotheses_per_side)
     ]
+    for side, other in (sides, sides[::-1]) if jibes else ():
+        apart = np.linspace(0, steps, _PARTS + 1)[:, None] * np.subtract(other.vector, side.vector)
+        shift, shift_sd = _after_jibes(apart, jibes)
+        place = np.add(checks.pair("start", start), shift)
+        start_sd = np.hypot(position_sd, shift_sd)
+        drifts.append(drift(place.tolist(), start_sd.tolist(), side, -math.expm1(-jibes)))
     fastest = max(abs(speed) for drift in drifts for speed in drift.vector)
     if fastest > 1.0:
         warnings.warn(
@@ -304,13 +353,37 @@ def _diffusion(diffusivity: object, scale: Scale) -> float:
     return diffusion
 
 
+def _after_jibes(apart: Floats, jibes: float) -> tuple[Floats, Floats]:
+    """The displacement of objects that have jibed, from one that is always on their last side.
+
+    Jibes are a Poisson process. So the object, b expected jibes before the end, is on the other
+    side with the probability (1 - exp(-2 b))/2, and if it is, it also was g expected jibes
+    earlier with (1 + exp(-2 g))/2.
+
+    Args:
+        apart: how far an object that is always on the other side is from one that is always on
+            this one, at regular times from the start to the end: shape (n + 1, 2).
+        jibes: the expected number of jibes within these times.
+
+    Returns:
+        The mean and the standard deviation along each axis, given that there is a jibe.
+    """
+    parts = np.diff(apart, axis=0)
+    before_end = np.arange(len(parts) - 0.5, 0, -1) * (jibes / len(parts))
+    there = np.expm1(-2 * before_end) / (2 * np.expm1(-jibes))
+    still = (1 + np.exp(-2 * np.abs(before_end[:, None] - before_end))) / 2
+    mean = there @ parts
+    squares = np.einsum("na,nm,ma->a", parts, still * np.minimum(there[:, None], there), parts)
+    return mean, np.sqrt(np.maximum(squares - mean**2, 0.0))
+
+
 def _hypotheses(
     kind: ObjectClass, wind: Pair, current: Pair, scale: Scale, count: int | None
-) -> list[tuple[Pair, Pair, float]]:
-    """The mean drift, its standard deviation, both (x, y) in cells per step, and the weight."""
+) -> list[_Hypothesis]:
+    """The hypotheses about objects that have not jibed; those on the right come first."""
     speed = checks.real("the speed of wind", math.hypot(*wind), 0, _FASTEST)
     if speed == 0.0:
-        return [(scale.vector(current), (0.0, 0.0), 1.0)]
+        return [_Hypothesis(scale.vector(current), (0.0, 0.0), 1.0)]
     speeds = kind.speeds(speed)
     east, north = wind[0] / speed, wind[1] / speed
     found = []
@@ -325,7 +398,7 @@ def _hypotheses(
             velocity = mean_east + shift[0], mean_north + shift[1]
             per_metre = scale.seconds_per_step / scale.metres_per_cell
             per_step = deviation[0] * per_metre, deviation[1] * per_metre
-            found.append((scale.vector(velocity), per_step, weight / 2))
+            found.append(_Hypothesis(scale.vector(velocity), per_step, weight / 2))
     return found
 
 

@@ -767,7 +767,7 @@ def incident(theme: Theme, sampling: Sampling) -> Figure:
         axes.plot(0, 0, "+", color=theme.ink, markersize=8, markeredgewidth=1.6)
         axes.set_xlabel("km east")
     maps[0].set_ylabel("km north")
-    for drift in person.drifts:
+    for drift in (each for each in person.drifts if each.start == (x, y)):  # no jibe so far
         east, south = (cell * drift.adrift * component for component in drift.vector)
         arrow = {"arrowstyle": "-|>", "color": theme.track, "linewidth": 1.5}
         maps[0].annotate("", (east, -south), (0, 0), arrowprops={**arrow, "shrinkB": 0})

@@ -16,6 +16,7 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,9 @@ VERSION = "v2"
 
 MINUTES = 60
 HOURS = 3600
+
+adrift_at_sea = partial(leeway.person, jibing=0)
+"""In this version of the suite, objects stay on their side of the wind."""
 
 WIDTH = 96
 """Characters in a line of the file, where it can be divided."""
@@ -121,7 +125,7 @@ def man_overboard() -> Entry:
     from the ship, 2.5 km away.
     """
     scale = Scale.for_drone(speed=15, swath=150)
-    passenger = leeway.person(
+    passenger = adrift_at_sea(
         "PIW-1",
         start=(13, 20),
         position_sd=400,
@@ -142,7 +146,7 @@ def gale() -> Entry:
     move apart while three aircraft search them.
     """
     scale = Scale.for_drone(speed=20, swath=300)
-    raft = leeway.person(
+    raft = adrift_at_sea(
         "LIFE-RAFT-NB-1",
         start=(8, 14),
         position_sd=300,
@@ -161,7 +165,7 @@ def channel() -> Entry:
     Two drones start half an hour later, behind them: they must fly ahead of the current.
     """
     scale = Scale.for_drone(speed=12, swath=120)
-    kayak = leeway.person(
+    kayak = adrift_at_sea(
         "PERSON-POWERED-VESSEL-1",
         start=(6, 22),
         position_sd=300,
@@ -183,7 +187,7 @@ def two_positions() -> Entry:
     """
     scale = Scale.for_drone(speed=20, swath=240)
     reports = [
-        leeway.person(
+        adrift_at_sea(
             "SKIFF-3",
             start=start,
             position_sd=position_sd,
@@ -214,7 +218,7 @@ def wreck() -> Entry:
     """
     scale = Scale.for_drone(speed=20, swath=200)
     persons = [
-        leeway.person(
+        adrift_at_sea(
             object_class,
             start=(9, 17),
             position_sd=400,
@@ -237,7 +241,7 @@ def night() -> Entry:
     """
     scale = Scale.for_drone(speed=10, swath=100)
     sweep_width = 30
-    swimmer = leeway.person(
+    swimmer = adrift_at_sea(
         "PIW-3",
         start=(14, 14),
         position_sd=250,
@@ -258,7 +262,7 @@ def overdue() -> Entry:
     have made two wide areas of it. Four aircraft search for an hour.
     """
     scale = Scale.for_drone(speed=25, swath=400)
-    boat = leeway.person(
+    boat = adrift_at_sea(
         "FISHING-VESSEL-6",
         start=(9, 21),
         position_sd=1500,

@@ -93,9 +93,9 @@ INCIDENTS = (
 )
 
 
-def random_incidents(count: int) -> list[Incident]:
+def random_incidents(count: int, seed: int = 0) -> list[Incident]:
     """Incidents of all classes: winds of 2 to 15 m/s, adrift for up to three hours."""
-    generator = np.random.default_rng(0)
+    generator = np.random.default_rng(seed)
 
     def vector(low: float, high: float) -> Pair:
         speed, angle = generator.uniform(low, high), generator.uniform(0, 2 * np.pi)
@@ -138,6 +138,7 @@ def snapshots(incident: Incident, options: argparse.Namespace) -> list[Snapshot]
     cell = float((high - low).max()) / (MAP_SIZE - 1)
     start = (MAP_SIZE - 1) / 2 - (low + high) / 2 * (1, -1) / cell
     known = {**incident._asdict(), "start": start, "scale": Scale(cell, MAP_SECONDS)}
+    known["jibing"] = options.jibing
     (forecast,) = Scenario(MAP_SIZE, persons=[leeway.person(**known)]).forecasts()
     found = []
     for hours, each in zip(HOURS, positions, strict=True):
@@ -157,7 +158,7 @@ def search(incident: Incident, options: argparse.Namespace) -> Pair | None:
     # In the middle of the search, the objects are around the middle of the grid.
     drifted = tracks[round((seconds + 1800) / TRACK_SECONDS)].mean(axis=0)
     start = (SEARCH_SIZE - 1) / 2 - drifted * (1, -1) / SEARCH_SCALE.metres_per_cell
-    known = {**incident._asdict(), "start": start, "scale": SEARCH_SCALE}
+    known = {**incident._asdict(), "start": start, "scale": SEARCH_SCALE, "jibing": options.jibing}
     env = DroneSwarmSearch(
         SEARCH_SIZE,
         persons=[leeway.person(**known, probability_of_detection=DETECTION)],
@@ -223,6 +224,7 @@ def main() -> None:
     parser.add_argument("--jibing", type=float, default=0.04, help="probability per hour (0.04)")
     parser.add_argument("--policy", default="greedy-posterior", help="makes the plans")
     parser.add_argument("--random", type=int, default=0, help="search in as many random incidents")
+    parser.add_argument("--seed", type=int, default=1, help="of the random incidents (1)")
     parser.add_argument("--csv", type=Path, help="write the rows to this file")
     parser.add_argument("--fast", action="store_true", help="two classes and one search")
     options = parser.parse_args()
@@ -236,7 +238,8 @@ def main() -> None:
             for snapshot in snapshots(Incident(name, wind), options):
                 rows += print_row(name, wind, snapshot, options)
     print(f"\n{'object class':>23}  wind, m/s     forecast  found")
-    for incident in random_incidents(options.random) if options.random else incidents:
+    chosen = random_incidents(options.random, options.seed) if options.random else incidents
+    for incident in chosen:
         name, wind = incident[0], (round(incident.wind[0], 1), round(incident.wind[1], 1))
         if (success := search(incident, options)) is None:
             continue

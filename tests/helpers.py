@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, cli, demo
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Tracks, cli, demo
 from DroneSwarmSearch.evaluation import Episodes, Evaluation, NamedSearch, View, recording
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.planning import SuccessBound
@@ -33,6 +33,23 @@ TWO_DRONES: dict[str, Any] = {
     "bayesian_update": True,
 }
 """A search with short episodes, of which random actions end many with a find or a crash."""
+
+
+def wandering(
+    count: int,
+    steps: int,
+    *,
+    start: tuple[float, float],
+    drift: tuple[float, float] = (0.0, 0.0),
+    sd: float = 0.3,
+    weights: Any = None,
+    size: int = 5,
+) -> Tracks:
+    """Tracks that drift and diffuse on a small grid, whose border they do not cross."""
+    moves = np.random.default_rng(1).normal(drift, sd, (steps + 1, count, 2)).clip(-1, 1)
+    moves[0] = start + np.random.default_rng(2).normal(0, 0.5, (count, 2)).clip(-1, 1)
+    return Tracks(moves.cumsum(axis=0).clip(-0.4, size - 0.6), weights)
+
 
 MOVES = {
     Action.LEFT: (-1, 0),

@@ -198,9 +198,89 @@ def test_metres_and_seconds_become_cells_and_steps():
     changes = {"start": (-3.5, 70), "position_sd": 260, "diffusivity": 2, "adrift": 3600}
     person = leeway.person("PIW-1", **{**USUAL, **changes}, probability_of_detection=0.8)
     assert person.probability_of_detection == 0.8
-    for drift in person.drifts:
+    for drift in person.drifts[:2]:  # the others have jibed
         assert drift.start == (-3.5, 70) and drift.start_sd == (2.0, 2.0)
-        assert drift.adrift == 277 and drift.diffusion == pytest.approx(4 * 13 / 130**2)
+        leeway_diffusion = 0.04 * math.hypot(*drift.vector)
+        assert drift.diffusion == pytest.approx(4 * 13 / 130**2 + leeway_diffusion)
+    assert {drift.adrift for drift in person.drifts} == {277}
+
+
+# Jibing.
+
+
+def jibing_objects(
+    kind: leeway.ObjectClass, wind: tuple[float, float], hours: float, rate: float, count: int
+) -> np.ndarray:
+    """Positions (east, north) in metres of objects that now and then change sides."""
+    rng, speeds = np.random.default_rng(7), kind.speeds(math.hypot(*wind))
+    downwind = np.array(wind) / math.hypot(*wind)
+    errors = rng.normal(size=(2, count))  # for life
+    along = speeds.downwind + speeds.downwind_sd * errors[0]
+    right, left = (
+        along[:, None] * downwind + across[:, None] * (downwind[::-1] * (1, -1))
+        for across in (
+            speeds.right + speeds.right_sd * errors[1],
+            speeds.left + speeds.left_sd * errors[1],
+        )
+    )
+    positions, on_left, rest = np.zeros((count, 2)), rng.random(count) < 0.5, np.full(count, hours)
+    while (rest > 0).any():
+        until = np.minimum(rng.exponential(1 / rate, count), rest)
+        positions += 3600 * until[:, None] * np.where(on_left[:, None], left, right)
+        rest, on_left = rest - until, ~on_left
+    return positions
+
+
+@pytest.mark.parametrize(("name", "hours"), [("SKIFF-4", 2), ("PIW-4", 12), ("SPORT-BOAT", 60)])
+def test_a_person_jibes_like_the_full_model(name, hours):
+    """When the search begins, mean and variances are those of simulated objects."""
+    usual = {**USUAL, "wind": (5.0, -9.0), "adrift": 3600 * hours, "diffusivity": 0.0}
+    objects = jibing_objects(leeway.CLASSES[name], usual["wind"], hours, 0.04, 100_000)
+    person = leeway.person(name, **usual)
+    weights, tau = np.array(person.weights), person.drifts[0].adrift
+    means = np.array([np.add(d.start, np.multiply(tau, d.vector)) for d in person.drifts])
+    spreads = [
+        np.square(d.start_sd) + np.square(np.multiply(tau, d.vector_sd)) for d in person.drifts
+    ]
+    mean = weights @ means
+    variance = weights @ (spreads + (means - mean) ** 2)
+    truth = 30 + objects * (1, -1) / SCALE.metres_per_cell
+    size = truth.std(axis=0).max()
+    np.testing.assert_allclose(mean, truth.mean(axis=0), atol=0.02 * size)
+    np.testing.assert_allclose(variance, truth.var(axis=0), atol=0.03 * size**2)
+
+
+def test_objects_that_have_jibed_are_hypotheses_of_their_own():
+    """They are now on one side of the wind, and were on the other one for half of the time."""
+    usual = {**USUAL, "wind": (0, 10), "adrift": 4 * 3600, "position_sd": 260}
+    right, left, was_left, was_right = leeway.person("SKIFF-1", **usual).drifts
+    assert was_left.vector == right.vector and was_right.vector == left.vector
+    jibed = 1 - math.exp(-0.16)
+    assert was_left.weight == was_right.weight == pytest.approx(jibed / 2, rel=1e-3)
+    assert right.weight == left.weight == pytest.approx((1 - jibed) / 2, rel=1e-3)
+    across = right.adrift * (right.vector[0] - left.vector[0])
+    assert was_left.start == pytest.approx((30 - across / 2, 30), abs=0.03 * across)
+    assert was_left.start_sd == pytest.approx((math.hypot(2, across / math.sqrt(12)), 2), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"jibing": 0}, {"adrift": 0}, {"adrift": 600}, {"wind": (0, 0)}]
+)
+def test_without_jibes_there_are_only_the_sides(changes):
+    usual = {**USUAL, "adrift": 7200}
+    assert len(leeway.person("PIW-1", **usual).drifts) == 4
+    assert len(leeway.person("PIW-1", **{**usual, **changes}).drifts) == (
+        1 if "wind" in changes else 2
+    )
+
+
+def test_even_a_month_adrift_has_a_forecast():
+    person = leeway.person("PIW-1", **{**USUAL, "adrift": 30 * 24 * 3600, "jibing": 1})
+    assert all(math.isfinite(number) for drift in person.drifts for number in drift.start_sd)
+    assert math.fsum(person.weights[:2]) < 1e-9
+
+
+# Everything else.
 
 
 def test_a_class_of_your_own():
@@ -272,6 +352,7 @@ def test_an_unknown_class_names_the_nearest_ones(name, nearest):
         ({"wind": 10}, TypeError, "wind must be two finite numbers"),
         ({"wind": (2000, 0)}, ValueError, "the speed of wind must .*at most 1000.0, got 2000"),
         ({"scale": (130, 13)}, TypeError, r"scale must be a Scale, got \(130, 13\)"),
+        ({"jibing": 4}, ValueError, "jibing must .*at most 1, got 4"),
         ({"hypotheses_per_side": 0}, ValueError, "hypotheses_per_side must .*from 1 to 9, got 0"),
         ({"grid_size": 61}, ValueError, "grid_size and timestep_limit must be given together"),
         ({"grid_size": 20, "timestep_limit": 9}, ValueError, r"start\[0\] must .*from 0 to 19"),

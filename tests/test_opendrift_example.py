@@ -48,11 +48,13 @@ def test_tracks_drift_as_the_coefficients_state(
 
 
 @pytest.mark.parametrize(
-    ("options", "searches"), [(["--fast"], 1), (["--random", 3], 3)], ids=["fast", "random"]
+    ("options", "searches"),
+    [(["--fast", "--jibing", 0], 1), (["--random", 3], 3)],
+    ids=["fast", "random"],
 )
 def test_map_and_plan_agree_with_opendrift(options: list[object], searches: int) -> None:
-    """Without jibing, which the map leaves out."""
-    printed = run(EXAMPLE, *options, "--tracks", 20_000, "--jibing", 0)
+    """The maps without jibing, because they leave it out while nobody searches."""
+    printed = run(EXAMPLE, *options, "--tracks", 20_000)
     row = r"^ *(\S+)  (\(.*\)) +{}$"
     maps = re.findall(row.format(r"(\d) h +(\S+) +(\S+) +(\d+) m  (\S+)% (\S+)%"), printed, re.M)
     assert len(maps) == (2 * 2 * 3 if "--fast" in options else 0)
@@ -63,5 +65,5 @@ def test_map_and_plan_agree_with_opendrift(options: list[object], searches: int)
     plans = re.findall(row.format(r"(\S+)%  (\S+)%"), printed, re.M)
     assert len(plans) == searches
     for *_, forecast, found in plans:
-        assert 40 < float(found) <= float(forecast) + 1
+        assert 40 < float(found) <= float(forecast) + 3
         assert float(forecast) < float(found) + 5

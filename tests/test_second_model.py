@@ -1,17 +1,18 @@
-"""A drift model of another kind reaches everything: environment, batch, policies and bound.
+"""Drift models of other kinds reach everything: environment, batch, policies and bound.
 
-A person follows one of a few tracks, some of whose steps are longer than a cell; the transition
-matrices are dense.
+One is made here: a person follows one of a few tracks, some of whose steps are longer than a cell;
+the transition matrices are dense. The other one is the chain of `Tracks`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+from helpers import wandering
 from test_vector_engine import Twins
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme, Scenario
@@ -87,10 +88,14 @@ def follower(detection: float, tracks: Any = TRACKS) -> Follower:
 
 
 USUAL = Person([Drift((2, 2), vector=(0.2, 0.1), diffusion=0.2)], 0.7)
+CHAIN = Person(wandering(2000, LIMIT, start=(1, 1), drift=(0.2, 0.1)), 0.8)
 PERSONS = {
     "one": [follower(0.8)],
     "two": [follower(1.0), follower(0.6, TRACKS[1:])],
     "mixed": [follower(0.9), USUAL],
+    "chain": [CHAIN],
+    "chains": [CHAIN, replace(CHAIN, fine=1, classes=3, probability_of_detection=0.6)],
+    "chain and usual": [CHAIN, USUAL],
 }
 
 
@@ -118,7 +123,7 @@ def test_batches_equal_single_environments(persons, updates, scheme):
 
 
 def test_catalogues_may_mix_models():
-    situations = [[follower(0.8)], [USUAL], [follower(0.5, TRACKS[2:])]]
+    situations = [[follower(0.8)], [USUAL], [follower(0.5, TRACKS[2:])], [CHAIN]]
     sizes = {"grid_size": SIZE, "timestep_limit": LIMIT, "bayesian_update": True}
     twins = Twins(5, {**sizes, "situations": situations})
     twins.reset(list(range(5)))
@@ -139,7 +144,7 @@ def test_trackers_follow_the_posterior_of_the_environment(persons):
         actions = policy(observations)
         tracker.update(env.frame().drones, actions.values())
         observations, *_ = env.step(actions)
-    assert tracker.step == env.frame().step > 3
+    assert tracker.step == env.frame().step > 2
 
 
 @pytest.mark.parametrize("persons", PERSONS)
@@ -149,7 +154,7 @@ def test_plans_bounds_and_searches_in_expectation(persons):
     success = {}
     for name in ("creeping-line", "greedy-matrix", "greedy-posterior", "planner"):
         env, policy = DroneSwarmSearch(scenario=scenario), make(name, scenario)
-        searches = ExpectedSearches([scenario], [starts]) if persons == "one" else None
+        searches = ExpectedSearches([scenario], [starts]) if len(scenario.situation) == 1 else None
         observations, _ = env.reset(options={"drones_positions": starts})
         while env.agents:
             actions = policy(observations)
@@ -159,7 +164,7 @@ def test_plans_bounds_and_searches_in_expectation(persons):
         success[name] = env.frame().probability_of_success
         if searches is not None:
             assert searches.found[0] == pytest.approx(success[name], abs=1e-6)
-    if persons == "mixed":
+    if persons in ("mixed", "chain and usual"):
         return
     bound = success_bound(scenario, starts, memory=1, horizons=1)
     assert success["greedy-matrix"] > 0.2
@@ -184,4 +189,4 @@ def test_evaluations_agree_with_the_finds_of_vector_environments(persons):
         *_, infos = envs.step(np.full((400, 2), Action.SEARCH))
         found |= np.asarray(infos["is_success"])
     assert found.mean() == pytest.approx(searching.success.value, abs=0.1)
-    assert persons != "one" or found.mean() > 0.1
+    assert len(scenario.situation) > 1 or found.mean() > 0.1

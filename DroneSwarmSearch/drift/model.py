@@ -80,7 +80,7 @@ class DriftModel(ABC):
 
     @cached_property
     def places(self) -> Ints:
-        """The place of each cell; cells that are not kept share the one after the last."""
+        """The place of each cell; cells that are not kept share one where mass is always 0."""
         if self.kept_cells is None:
             return np.arange(self.grid_size**2)
         places = np.full(self.grid_size**2, len(self.kept_cells))
@@ -94,10 +94,8 @@ class DriftModel(ABC):
             total = total + mass[..., layer, :, :]
         if self.kept_cells is None:
             return total
-        flat = total.reshape(*total.shape[:-2], -1)
-        grid = np.zeros((*flat.shape[:-1], self.grid_size**2))
-        grid[..., self.kept_cells] = flat[..., : len(self.kept_cells)]
-        return grid.reshape(*flat.shape[:-1], self.grid_size, self.grid_size)
+        grid = total.reshape(*total.shape[:-2], -1).take(self.places, -1)
+        return grid.reshape(*total.shape[:-2], self.grid_size, self.grid_size)
 
     def lift(self, values: Floats) -> Floats:
         """Values of cells, (..., N, N), in a form that broadcasts with mass: (..., 1, R, N)."""
@@ -109,6 +107,8 @@ class DriftModel(ABC):
 
     def states(self, cell: int) -> slice:
         """The index of a cell's states in flat mass, ``mass.reshape(-1)``."""
+        if self.kept_cells is None:
+            return slice(cell, None, self.grid_size**2)
         return slice(int(self.places[cell]), None, self.layer)
 
     def cells(self, states: Any) -> Any:
@@ -346,15 +346,12 @@ class Forecasts:
 
     def map(self, mass: Floats, entries: Ints) -> Floats:
         """The mass in each cell: (N², n), given (M, L, n); may be a view."""
-        total, numbers = over_layers(mass), entries % self.count
-        if all(model.kept_cells is None for model in self.models):
-            return total
-        grid = np.zeros((self._size**2, len(entries)))
-        for number in np.unique(numbers):
-            cells = self.models[number].kept_cells
-            who = slice(None) if (numbers == number).all() else (numbers == number).nonzero()[0]
-            grid[cells, who] = total[: len(cells), who]
-        return grid
+        total: Floats = over_layers(mass)
+        if self.count == 1:
+            single: Floats = total.take(self._places[0], 0)
+            return single
+        mapped: Floats = np.take_along_axis(total, self._places[entries % self.count].T, 0)
+        return mapped
 
     def cells(self, states: Ints, entries: Ints) -> Ints:
         """The cells of persons' states, of the same shape."""

@@ -6,6 +6,7 @@ import hashlib
 import warnings
 from collections.abc import Mapping
 from datetime import datetime
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -114,7 +115,7 @@ class Tracks:
         """The number of steps, T."""
         return len(self.positions) - 1
 
-    @property
+    @cached_property
     def vector(self) -> tuple[float, float]:
         """The mean drift in cells per step, (x, y)."""
         x, y = (self.weights @ (self.positions[-1] - self.positions[0]) / self.steps).tolist()
@@ -343,11 +344,12 @@ def _without_gaps(positions: Floats) -> tuple[Floats, int]:
             return positions, 0
     missing: Flags = np.any(~np.isfinite(positions), axis=2)
     wrong: Flags = missing[0] | np.any(missing[:-1] & ~missing[1:], axis=0)
+    wrong |= np.any(np.isinf(positions), axis=(0, 2))
     if wrong.any():
         raise ValueError(
-            "positions must be finite, or NaN from some step to the end of a track, "
-            f"got NaN at the start or in the middle of {np.count_nonzero(wrong):,} tracks, the "
-            f"first of them track {int(wrong.argmax())}"
+            "positions must be finite, or NaN from some step to the end of a track, got inf, or "
+            f"NaN at the start or in the middle, in {np.count_nonzero(wrong):,} tracks, the first "
+            f"of them track {int(wrong.argmax())}"
         )
     filled = positions.copy()
     for step in range(1, len(filled)):
