@@ -6,6 +6,7 @@ import json
 import re
 import sys
 import tempfile
+import time
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
@@ -46,7 +47,7 @@ def write(
     standard_names: bool = True,
     order: tuple[str, str] = ("trajectory", "time"),
     dtype: str = "f4",
-    **time: Any,
+    **attributes: Any,
 ) -> Path:
     """Write positions in degrees, (elements, times, 2), as OpenDrift 1.14 does or as stated."""
     degrees = np.array(tracks, np.float64)
@@ -58,8 +59,8 @@ def write(
         variable = data.createVariable(when, "f8", ("time",))
         if standard_names:
             variable.standard_name = "time"
-        time = {"units": "seconds since 2026-06-01 12:00", "calendar": "standard", **time}
-        variable.setncatts({key: value for key, value in time.items() if value})
+        of_time = {"units": "seconds since 2026-06-01 12:00", "calendar": "standard", **attributes}
+        variable.setncatts({key: value for key, value in of_time.items() if value})
         variable[:] = seconds
         for name, standard, axis in ((longitude, "longitude", 0), (latitude, "latitude", 1)):
             fill = np.nan if dtype[0] == "f" else -(2**31)
@@ -159,6 +160,18 @@ def test_start_and_steps(
     assert tracks.steps == (steps or round((3 - first) * 60))
     whole = read(tmp_path / "a.nc").positions[round(first * 60) :]
     np.testing.assert_allclose(tracks.positions, whole[: tracks.steps + 1], atol=1e-9)
+
+
+@pytest.mark.skipif(not hasattr(time, "tzset"), reason="Windows has no tzset")
+def test_times_are_utc_on_any_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "a.nc", [DRIFTING])
+    expected = read(path, start=NOON + timedelta(hours=1))
+    with monkeypatch.context() as patch:
+        patch.setenv("TZ", "America/New_York")
+        time.tzset()
+        tracks = read(path, start=NOON + timedelta(hours=1))
+    time.tzset()
+    assert tracks == expected
 
 
 @pytest.mark.parametrize(

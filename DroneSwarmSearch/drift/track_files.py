@@ -127,6 +127,6 @@ def _tracked(
     held = cells[np.minimum(np.arange(len(cells))[:, None], end), which]
     for step, (before, share) in enumerate(zip(here.tolist(), part.tolist(), strict=True)):
         a, b = held[before : before + 2]
-        tracks[step] = a if share == 0.0 else a + share * (b - a)
+        tracks[step] = a + share * (b - a)
     adrift = ~stranded[which] | (times[:, None] < seconds[end])
     return tracks, adrift, len(is_known) - len(which)
