@@ -9,21 +9,35 @@ with the cells of the objects: the total variation distance, that of as many dra
 deviations are. The second table compares the forecast probability of success of a plan with the
 share of the objects that it finds, for four incidents or, with `--random`, for as many random ones.
 The full run takes a quarter of an hour, `--fast` half a minute.
+
+With `--coast`, the objects drift in an eddy off a coast, where many strand. Plans for a constant
+drift, and for the tracks of one run of OpenDrift, search for the objects of another run.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-from datetime import datetime, timedelta
+import tempfile
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from opendrift.models.leeway import Leeway
+from opendrift.readers.basereader.continuous import ContinuousReader
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Scale, Scenario, leeway, policies
+from DroneSwarmSearch import (
+    Action,
+    DroneSwarmSearch,
+    Person,
+    Scale,
+    Scenario,
+    Tracks,
+    leeway,
+    policies,
+)
 
 Floats = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -218,6 +232,106 @@ def print_row(
     ]
 
 
+# An eddy off a coast.
+
+COAST_COLUMNS = ("person", "policy", "forecast", "found")
+
+PLACE = (4.87, 60.25)  # the last known position in degrees, off the islands west of Bergen
+EDDY, EDDY_RADIUS, EDDY_SPEED = (4.89, 60.235), 4000, 0.4  # degrees, m, m/s; fastest at the radius
+ADRIFT = Incident("SKIFF-3", (7.0, -1.0), position_sd=700, diffusivity=5, adrift=3600)
+COAST_SCALE, COAST_STEPS, COAST_CELL = Scale(250, 25), 432, (22, 26)  # three hours
+COAST_DRONES = [(25, 25), (35, 35)]
+
+
+def current(longitude: Any, latitude: Any) -> tuple[Any, Any]:
+    """The velocity of the water, (east, north), in m/s."""
+    east = (longitude - EDDY[0]) * METRES_PER_DEGREE[0] * np.cos(np.radians(EDDY[1])) / EDDY_RADIUS
+    north = (latitude - EDDY[1]) * METRES_PER_DEGREE[1] / EDDY_RADIUS
+    speed = EDDY_SPEED * np.exp((1 - east**2 - north**2) / 2)
+    return speed * north, -speed * east
+
+
+class Eddy(ContinuousReader):
+    """The current, as OpenDrift asks for it."""
+
+    name, proj4 = "eddy", "+proj=latlong +datum=WGS84"
+    xmin, xmax, ymin, ymax = -180, 180, -90, 90
+    start_time = end_time = time_step = None
+
+    def __init__(self) -> None:
+        self.variables = ["x_sea_water_velocity", "y_sea_water_velocity"]
+        super().__init__()
+
+    def get_variables(self, requested: Any, time: Any, x: Any, y: Any, z: Any) -> dict[str, Any]:
+        east, north = current(x, y)
+        velocity = {"x_sea_water_velocity": east, "y_sea_water_velocity": north}
+        return {"time": time, "x": x, "y": y, "z": z, **velocity}
+
+
+def tracks_at_the_coast(path: Path, seed: int, options: argparse.Namespace) -> Tracks:
+    """The tracks that a run of OpenDrift writes to a file, from the start of the search."""
+    model, released = Leeway(loglevel=50, seed=seed), datetime(2026, 1, 1)
+    model.add_reader(Eddy())
+    for name, value in zip(("x_wind", "y_wind"), ADRIFT.wind, strict=True):
+        model.set_config(f"environment:constant:{name}", value)
+    # Turbulence: another velocity in each time step adds the variance 2 K t.
+    turbulence = float(np.sqrt(2 * ADRIFT.diffusivity / TRACK_SECONDS))
+    model.set_config("drift:current_uncertainty", turbulence)
+    numbers = {row["OBJKEY"]: number for number, row in model.leewayprop.items()}
+    place = {"lon": PLACE[0], "lat": PLACE[1], "radius": ADRIFT.position_sd, "time": released}
+    objects = {"number": options.tracks, "jibe_probability": options.jibing}
+    model.seed_elements(**place, **objects, object_type=numbers[ADRIFT.object_class])
+    duration = timedelta(seconds=ADRIFT.adrift + COAST_SCALE.seconds(COAST_STEPS))
+    steps = {"time_step": TRACK_SECONDS, "time_step_output": TRACK_SECONDS}
+    model.run(duration=duration, **steps, outfile=str(path), export_variables=["lon", "lat"])
+    return Tracks.read(
+        path,
+        scale=COAST_SCALE,
+        origin=PLACE,
+        cell=COAST_CELL,
+        start=released.replace(tzinfo=timezone.utc) + timedelta(seconds=ADRIFT.adrift),
+    )
+
+
+def search_at_the_coast(options: argparse.Namespace) -> list[tuple[object, ...]]:
+    """Print what plans forecast and find, and return rows with `COAST_COLUMNS`."""
+    with tempfile.TemporaryDirectory() as folder:
+        fitted, others = (
+            tracks_at_the_coast(Path(folder) / f"{seed}.nc", seed, options) for seed in (0, 1)
+        )
+    print(fitted)
+    known = {**ADRIFT._asdict(), "start": COAST_CELL, "scale": COAST_SCALE}
+    known |= {"current": current(*PLACE), "jibing": options.jibing}
+    persons = {
+        "leeway.person": leeway.person(**known, probability_of_detection=DETECTION),
+        "Person(tracks)": Person(fitted, DETECTION),
+    }
+    rows = []
+    print(f"{'person':>14}  {'policy':<16}  forecast  found")
+    for name, person in persons.items():
+        limits = {"timestep_limit": COAST_STEPS, "mission": "coverage", "bayesian_update": True}
+        scenario = Scenario(SEARCH_SIZE, len(COAST_DRONES), persons=person, **limits)
+        for policy in ("greedy-posterior",) if options.fast else ("greedy-posterior", "planner"):
+            forecast, plan = plan_of(policy, scenario)
+            found = others.found(plan, scenario, drones_positions=COAST_DRONES)
+            print(f"{name:>14}  {policy:<16}  {forecast:8.1%}  {found:.1%}", flush=True)
+            rows.append((name, policy, f"{forecast:.4f}", f"{found:.4f}"))
+    return rows
+
+
+def plan_of(name: str, scenario: Scenario) -> tuple[float, NDArray[np.int64]]:
+    """The forecast probability of success of a policy's plan, and the plan: (steps, drones)."""
+    env, policy = DroneSwarmSearch(scenario=scenario), policies.make(name, scenario)
+    observations, infos = env.reset(seed=0, drones_positions=COAST_DRONES)
+    policy.reset()
+    plan = []
+    while env.agents:
+        actions = policy(observations)
+        plan.append(list(actions.values()))
+        observations, _, _, _, infos = env.step(actions)
+    return infos["probability_of_success"], np.array(plan)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tracks", type=int, default=200_000, help="per run (200,000)")
@@ -226,8 +340,12 @@ def main() -> None:
     parser.add_argument("--random", type=int, default=0, help="search in as many random incidents")
     parser.add_argument("--seed", type=int, default=1, help="of the random incidents (1)")
     parser.add_argument("--csv", type=Path, help="write the rows to this file")
+    parser.add_argument("--coast", action="store_true", help="search in an eddy off a coast")
     parser.add_argument("--fast", action="store_true", help="two classes and one search")
     options = parser.parse_args()
+    if options.coast:
+        write(options.csv, [COAST_COLUMNS, *search_at_the_coast(options)])
+        return
     classes, incidents = (CLASSES[:2], INCIDENTS[:1]) if options.fast else (CLASSES, INCIDENTS)
     np.random.seed(0)  # OpenDrift draws from it
 
@@ -249,10 +367,14 @@ def main() -> None:
         hours = incident.adrift / 3600
         rows.append(("success", name, *wind, hours, f"{forecast:.4f}", f"{found:.4f}"))
     print(f"forecast - found: mean {np.mean(excess):.1%}, largest {max(excess):.1%}")
-    if options.csv:
-        with options.csv.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerows([COLUMNS, *rows])
+    write(options.csv, [COLUMNS, *rows])
+
+
+def write(path: Path | None, rows: list[tuple[object, ...]]) -> None:
+    """Write rows to a CSV file, if there is a path."""
+    if path is not None:
+        with path.open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 if __name__ == "__main__":

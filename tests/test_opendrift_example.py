@@ -67,3 +67,13 @@ def test_map_and_plan_agree_with_opendrift(options: list[object], searches: int)
     for *_, forecast, found in plans:
         assert 40 < float(found) <= float(forecast) + 3
         assert float(forecast) < float(found) + 5
+
+
+def test_a_plan_for_tracks_finds_what_it_promises_in_an_eddy_off_a_coast() -> None:
+    printed = run(EXAMPLE, "--coast", "--fast", "--tracks", 5000)
+    assert re.search(r"<Tracks: 5,000 tracks, 432 steps, [1-9]\d\d stranded, x", printed)
+    plans = re.findall(r"^ *(\S+)  greedy-posterior +(\S+)%  (\S+)%$", printed, re.M)
+    (constant, *promised), (tracks, forecast, found) = plans
+    assert (constant, tracks) == ("leeway.person", "Person(tracks)")
+    assert float(promised[0]) - float(promised[1]) > 15
+    assert 80 < float(found) < float(forecast) < float(found) + 6

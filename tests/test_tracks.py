@@ -224,7 +224,7 @@ def test_bad_parameters_are_rejected(tmp_path):
 
 def test_too_few_tracks_and_a_small_grid_are_warned_of():
     with pytest.warns(
-        UserWarning, match=r"40 tracks are few: of a quarter held out, \d+% .*fine=1"
+        UserWarning, match=r"40 tracks are few: of a quarter held out, \d+% .*take more tracks"
     ):
         Person(TRACKS.thin(40))
     with pytest.warns(UserWarning, match="of tracks leave the grid of 3 x 3 cells"):

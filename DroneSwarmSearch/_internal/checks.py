@@ -162,9 +162,8 @@ def seeds(name: str, value: object) -> list[int | None]:
     ]
 
 
-def pair(name: str, value: object) -> tuple[float, float]:
+def pair(name: str, value: object, what: str = "two finite numbers (x, y)") -> tuple[float, float]:
     """Two finite numbers, (x, y)."""
-    what = "two finite numbers (x, y)"
     numbers = items(name, value, what)
     if len(numbers) != 2:
         raise ValueError(f"{name} must be {what}, got {value!r:.100}")

@@ -29,8 +29,8 @@ def positions(
     steps: int | None,
     diffusivity: float,
     seed: int,
-) -> tuple[Floats, int]:
-    """The positions at the search's steps, (steps + 1, P, 2), and the number of lost elements.
+) -> tuple[Floats, int, int]:
+    """The positions at the search's steps, (steps + 1, P, 2), and how many strand and are lost.
 
     Between the file's times they are interpolated. See `Tracks.read` for the arguments.
     """
@@ -50,7 +50,7 @@ def positions(
         deviation, shape = np.sqrt(scale.diffusion(diffusivity)), tracks[1:].shape
         moves = np.random.default_rng(seed).normal(0.0, deviation, shape) * adrift[:-1, :, None]
         tracks[1:] += moves.cumsum(axis=0)
-    return tracks, lost
+    return tracks, int(np.sum(~adrift[-1])), lost
 
 
 def _read(path: Path) -> tuple[Floats, Floats, Flags]:
@@ -61,8 +61,6 @@ def _read(path: Path) -> tuple[Floats, Floats, Flags]:
         raise ImportError(
             'reading NetCDF needs netCDF4: pip install "DroneSwarmSearchEnvironment[tracks]"'
         ) from error
-    if not path.is_file():
-        raise FileNotFoundError(f"path must name a file, but there is no {str(path)!r}")
     try:
         data = netCDF4.Dataset(path)
     except OSError as error:
@@ -73,29 +71,27 @@ def _read(path: Path) -> tuple[Floats, Floats, Flags]:
             longitude, latitude, time = (named[key] for key in ("longitude", "latitude", "time"))
             (when,) = time.dimensions
             across = longitude.dimensions.index(when)
-        except (KeyError, TypeError, ValueError):
+            # CF times have no zone, which means UTC.
+            calendar = getattr(time, "calendar", "standard")
+            dates: Any = netCDF4.num2date(time[:], time.units, calendar, False, True)
+            seconds = [
+                each.replace(tzinfo=timezone.utc).timestamp() for each in np.ma.filled(dates)
+            ]
+            both = [each[:].astype(np.float64) for each in (longitude, latitude)]
+            filled = [np.ma.filled(each, np.nan) for each in both]
+            degrees: Floats = np.stack(filled).transpose(0, across + 1, 2 - across)
+            stranded = np.zeros(degrees.shape[2], np.bool_)
+            status: Any = data.variables.get("status")
+            meanings = getattr(status, "flag_meanings", "").split()
+            if "stranded" in meanings and status.dimensions == longitude.dimensions:
+                code = np.atleast_1d(status.flag_values)[meanings.index("stranded")]
+                stranded = np.any(np.ma.getdata(status[:]) == code, axis=across)
+        except (AttributeError, KeyError, RuntimeError, TypeError, ValueError) as error:
             raise ValueError(
                 f"{path} must have variables with the standard names longitude, latitude and time, "
-                f"and one time for all elements, got {', '.join(data.variables) or 'none'}"
+                "for many elements at common times of the usual calendar, "
+                f"got {', '.join(data.variables) or 'none'}: {error!r}"
             ) from None
-        # CF times have no zone, which means UTC.
-        dates: Any = netCDF4.num2date(
-            time[:], time.units, getattr(time, "calendar", "standard"), False, True
-        )
-        seconds = [each.replace(tzinfo=timezone.utc).timestamp() for each in np.ma.filled(dates)]
-        degrees = np.stack(
-            [np.ma.filled(each[:].astype(np.float64), np.nan) for each in (longitude, latitude)]
-        )
-        degrees = np.moveaxis(degrees, across + 1, 1)
-        stranded = np.zeros(degrees.shape[2], np.bool_)
-        if "status" in data.variables:
-            status = data["status"]
-            meanings = zip(
-                status.flag_meanings.split(), np.atleast_1d(status.flag_values), strict=False
-            )
-            codes = [code for meaning, code in meanings if meaning == "stranded"]
-            by_time = np.moveaxis(np.ma.filled(status[:], -1), across, 0)
-            stranded = np.any(np.isin(by_time, codes), axis=0)
     return degrees, np.array(seconds), stranded
 
 
@@ -119,11 +115,11 @@ def _tracked(
     here = np.clip(seconds.searchsorted(times, side="right") - 1, 0, len(seconds) - 2)
     part = (times - seconds[here]) / (seconds[here + 1] - seconds[here])
     last = here[-1] + int(part[-1] > 0.0)
-    is_known: Flags = active[here[0]] & (stranded | (ends >= last))
+    is_known: Flags = active[: here[0] + 1].any(axis=0) & (stranded | (ends >= last))
     which: Ints = is_known.nonzero()[0]
     end, tracks = ends[which], np.empty((len(times), len(which), 2))
     for step, (before, share) in enumerate(zip(here.tolist(), part.tolist(), strict=True)):
         a, b = (cells[np.minimum(each, end), which] for each in (before, before + 1))
-        tracks[step] = a if share == 0.0 else (1.0 - share) * a + share * b
+        tracks[step] = a if share == 0.0 else a + share * (b - a)
     adrift = ~stranded[which] | (times[:, None] < seconds[end])
     return tracks, adrift, len(is_known) - len(which)

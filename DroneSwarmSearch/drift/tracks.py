@@ -106,9 +106,14 @@ class Tracks:
         text = f"{len(self):,} tracks, {self.steps} steps"
         text += f", {self.stranded:,} stranded" * (self.stranded > 0)
         text += f", {self.lost:,} lost and left out" * (self.lost > 0)
-        low, high = self.positions.min(axis=(0, 1)), self.positions.max(axis=(0, 1))
-        ranges = (f"{name} {a:.1f} to {b:.1f}" for name, a, b in zip("xy", low, high, strict=True))
-        return f"<Tracks: {text}, {', '.join(ranges)}>"
+        return f"<Tracks: {text}, {self._extent}>"
+
+    @cached_property
+    def _extent(self) -> str:
+        low = np.min([each.min(axis=0) for each in self.positions], axis=0)
+        high = np.max([each.max(axis=0) for each in self.positions], axis=0)
+        ranges = zip("xy", low, high, strict=True)
+        return ", ".join(f"{name} {first:.1f} to {last:.1f}" for name, first, last in ranges)
 
     @property
     def steps(self) -> int:
@@ -124,12 +129,7 @@ class Tracks:
     # Parts of the tracks.
 
     def split(self, held_out: float = 0.25, seed: int = 0) -> tuple[Tracks, Tracks]:
-        """Split the tracks at random: those to fit a person to, and those to test a plan on.
-
-        Args:
-            held_out: the share of the second part, above 0 and below 1.
-            seed: of the random order.
-        """
+        """Split the tracks at random: to fit a person, and the share held out to test plans on."""
         count = round(checks.real("held_out", held_out, 0, 1) * len(self))
         if not 0 < count < len(self):
             raise ValueError(
@@ -178,9 +178,7 @@ class Tracks:
         if (unseen := np.mean(shares)) > MOST_UNSEEN:
             warnings.warn(
                 f"{len(self):,} tracks are few: of a quarter held out, {unseen:.0%} are where no "
-                "other track is, so a plan promises more than it finds; take more tracks"
-                + ", or fine=1"
-                * (fine > 1),
+                "other track is, so a plan promises more than it finds; take more tracks",
                 stacklevel=4,
             )
 
@@ -193,17 +191,11 @@ class Tracks:
     def found(
         self, policy: Any, scenario: Scenario | None = None, *, drones_positions: object = None
     ) -> float:
-        """The share of these tracks that a plan or a policy finds by the time limit.
+        """The share of these tracks that a policy or a plan finds by the time limit.
 
-        The drones search to the end as if without success; each search of a track's cell finds it
-        with the probability of detection. Compare the result, for tracks that were held out from
-        the fit, with the probability of success that the search promises.
-
-        Args:
-            policy: a policy, which maps the observations of the environment to actions; or a plan,
-                the actions of all drones: integers of shape (steps, n_drones).
-            scenario: the search, for one person; by default the policy's `scenario`.
-            drones_positions: the drones' start cells, as for `reset`.
+        Compare it, for tracks that were held out from the fit, with the success that is promised.
+        A plan is the actions of all drones: integers of shape (steps, n_drones). The scenario, for
+        one person, is by default the policy's; `drones_positions` are as for `reset`.
         """
         from DroneSwarmSearch.evaluation.rollout import searches_of
 
@@ -217,11 +209,7 @@ class Tracks:
     # Files.
 
     def save(self, path: str | Path, fine: int = 2) -> None:
-        """Write the tracks to a compact file, ``.npz``, that `read` reads.
-
-        Positions are rounded to the middle of `fine` by `fine` parts of each cell, so a `Person`
-        with the same `fine` stays the same.
-        """
+        """Write a compact ``.npz`` for `read`; a `Person` with the same `fine` stays equal."""
         if Path(path).suffix != ".npz":
             raise ValueError(f"path must end in .npz, got {str(path)!r}")
         parts = np.floor((self.positions + 0.5) * checks.integer("fine", fine, 1, 4))
@@ -267,11 +255,12 @@ class Tracks:
         Raises:
             ImportError: netCDF4 is missing.
             OSError: there is no such file.
-            TypeError: an argument is of the wrong type.
-            ValueError: the file or an argument is unsuitable, or more than a tenth of the elements
-                are lost.
+            TypeError, ValueError: the file or an argument is unsuitable, or more than a tenth of
+                the elements are lost.
         """
         arguments: dict[str, Any] = {}
+        if not Path(path).is_file():
+            raise FileNotFoundError(f"path must name a file, but there is no {str(path)!r}")
         if Path(path).suffix == ".npz":
             tracks = _unpacked(Path(path))
         else:
@@ -279,26 +268,27 @@ class Tracks:
 
             if not isinstance(scale, Scale):
                 raise TypeError(f"scale must be a Scale, got {scale!r}")
-            if not isinstance(start, (datetime, type(None))) or (start and not start.tzinfo):
-                raise ValueError(f"start must be a datetime with a time zone, got {start!r}")
+            if start is not None and not (isinstance(start, datetime) and start.tzinfo):
+                error = ValueError if isinstance(start, datetime) else TypeError
+                raise error(f"start must be a datetime with a time zone, got {start!r}")
             arguments = {
-                "origin": checks.pair("origin", origin),
+                "origin": checks.pair("origin", origin, "(longitude, latitude) in degrees"),
                 "cell": checks.pair("cell", cell),
                 "start": start and start.isoformat(),
                 "steps": None if steps is None else checks.integer("steps", steps, 1),
                 "diffusivity": checks.real("diffusivity", diffusivity, 0),
                 "seed": checks.integer("seed", seed, 0),
             }
-            positions, lost = track_files.positions(Path(path), scale, **arguments)
+            positions, stranded, lost = track_files.positions(Path(path), scale, **arguments)
             released = lost + positions.shape[1]
             if lost > MOST_LOST * released:
                 raise ValueError(
                     f"{path} must lose at most {MOST_LOST:.0%} of its elements before the last "
                     f"step but for stranding, got {lost:,} of {released:,}: simulate a larger "
-                    "area, or take fewer steps"
+                    "area, start later or take fewer steps"
                 )
             tracks = cls(positions)
-            tracks.lost = lost
+            tracks.stranded, tracks.lost = stranded, lost
             arguments["scale"] = [scale.metres_per_cell, scale.seconds_per_step]
         digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
         tracks.source = {"file": str(path), "sha256": digest, **arguments}
@@ -375,9 +365,9 @@ def _check_jumps(positions: Floats) -> None:
 def _unpacked(file: Path) -> Tracks:
     """The tracks in a file of `Tracks.save`."""
     try:
-        with np.load(file) as data:
+        with file.open("rb") as opened, np.load(opened) as data:
             start, steps, fine, weights = (data[k] for k in ("start", "steps", "fine", "weights"))
-    except (KeyError, ValueError) as error:
-        raise ValueError(f"{file} must be a file of Tracks.save, got another: {error}") from None
+    except Exception:  # one of many types, as the file may be anything
+        raise ValueError(f"{file} must be a file of Tracks.save, got another") from None
     parts = np.concatenate([start[None], steps]).cumsum(axis=0, dtype=np.int64)
     return Tracks((parts + 0.5) / int(fine) - 0.5, weights)

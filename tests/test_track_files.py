@@ -1,0 +1,396 @@
+"""`Tracks.read`: files of OpenDrift, other CF trajectory files, and files of another kind."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch import Person, Scale, Scenario, Tracks
+
+nc = pytest.importorskip("netCDF4")
+
+NOON = datetime(2026, 6, 1, 12, tzinfo=timezone.utc)
+SCALE = Scale(200, 60)
+HOURS = 3600.0 * np.arange(4)
+ORIGIN = (4.8, 60.0)
+FLAGS = {"flag_values": np.array([0, 1, 2], np.int32), "flag_meanings": "active stranded outside"}
+
+
+def track(*longitudes: float) -> list[tuple[float, float]]:
+    """One position an hour, at 60 degrees north; the person drifts east by some 560 m an hour."""
+    return [(longitude, 60.0) for longitude in longitudes]
+
+
+DRIFTING = track(4.80, 4.81, 4.82, 4.83)
+NOWHERE = (np.nan, np.nan)
+
+
+def write(
+    path: Path,
+    tracks: Any,
+    seconds: Any = HOURS,
+    *,
+    status: Any = None,
+    flags: dict[str, Any] = FLAGS,
+    names: tuple[str, str, str] = ("lon", "lat", "time"),
+    order: tuple[str, str] = ("trajectory", "time"),
+    dtype: str = "f4",
+    **time: Any,
+) -> Path:
+    """Write positions in degrees, (elements, times, 2), as OpenDrift 1.14 does or as stated."""
+    degrees = np.array(tracks, np.float64)
+    longitude, latitude, when = names
+    turn = order[0] == "time"
+    with nc.Dataset(path, "w") as data:
+        data.createDimension("trajectory", len(degrees))
+        data.createDimension("time", len(seconds))
+        variable = data.createVariable(when, "f8", ("time",))
+        variable.standard_name = "time"
+        time = {"units": "seconds since 2026-06-01 12:00", "calendar": "standard", **time}
+        variable.setncatts({key: value for key, value in time.items() if value})
+        variable[:] = seconds
+        for name, standard, axis in ((longitude, "longitude", 0), (latitude, "latitude", 1)):
+            fill = np.nan if dtype[0] == "f" else -(2**31)
+            variable = data.createVariable(name, dtype, order, fill_value=fill)
+            variable.standard_name = standard
+            if dtype[0] == "i":
+                variable.scale_factor = 1e-7
+            values = np.ma.masked_invalid(degrees[..., axis])
+            values.data[values.mask] = 0.0
+            variable[:] = values.T if turn else values
+        if status is not None:
+            variable = data.createVariable("status", "i4", order, fill_value=2**31 - 1)
+            variable.setncatts(flags)
+            values = np.ma.masked_less(np.array(status), 0)
+            variable[:] = values.T if turn else values
+    return path
+
+
+def read(path: Path, **options: Any) -> Tracks:
+    return Tracks.read(path, **{"scale": SCALE, "origin": ORIGIN, **options})
+
+
+# Where and when.
+
+
+@pytest.mark.parametrize("origin", [(4.8, 60.0), (-179.999, -44.0), (179.999, 10.0)])
+def test_positions_are_those_of_the_ellipsoid(tmp_path: Path, origin: tuple[float, float]) -> None:
+    """Compared with the tangent plane in three dimensions; float32 degrees are exact to 2 m."""
+    rng = np.random.default_rng(0)
+    ends = np.array(origin) + rng.uniform(-0.02, 0.02, (50, 1, 2))
+    wrapped = np.where(abs(ends) < 180, ends, ends - 360 * np.sign(ends))  # at 180 degrees
+    tracks = read(write(tmp_path / "a.nc", np.repeat(wrapped, 4, 1)), origin=origin, cell=(9, 7))
+
+    def earth(degrees: Any) -> Any:
+        """Earth-centred coordinates in metres, on the WGS 84 ellipsoid."""
+        longitude, latitude = np.radians(degrees).T
+        a, b = 6378137.0, 6356752.314245
+        parallel = np.arctan(b / a * np.tan(latitude))  # the reduced latitude
+        flat = a * np.cos(parallel)
+        return flat * np.cos(longitude), flat * np.sin(longitude), b * np.sin(parallel)
+
+    far = np.stack(earth(wrapped[:, 0])) - np.stack(earth(np.array([origin]))).reshape(3, 1)
+    sin, cos = np.sin(np.radians(origin)), np.cos(np.radians(origin))
+    east = -sin[0] * far[0] + cos[0] * far[1]
+    north = -sin[1] * (cos[0] * far[0] + sin[0] * far[1]) + cos[1] * far[2]
+    found = (tracks.positions[0] - (9, 7)) * SCALE.metres_per_cell
+    assert np.abs(far).max() > 1000
+    np.testing.assert_allclose(found, np.stack([east, -north], axis=-1), atol=4)
+
+
+def test_positions_between_the_times_of_the_file(tmp_path: Path) -> None:
+    tracks = read(write(tmp_path / "a.nc", [DRIFTING]), cell=(3, 4))
+    assert (tracks.steps, tracks.lost, tracks.stranded) == (180, 0, 0)
+    x, y = tracks.positions[:, 0].T
+    assert x[[0, 60, 180]] == pytest.approx([3, 5.79, 11.36], abs=0.01)
+    np.testing.assert_allclose(np.diff(x), 8.36 / 180, atol=1e-4)
+    np.testing.assert_allclose(y, 4, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("start", "steps", "first"),
+    [
+        (None, None, 0),
+        (NOON + timedelta(minutes=30), 90, 0.5),
+        (NOON.astimezone(timezone(timedelta(hours=-5))) + timedelta(hours=1), None, 1),
+        (NOON + timedelta(hours=3, minutes=-1), 1, 2 + 59 / 60),
+    ],
+)
+def test_start_and_steps(
+    tmp_path: Path, start: datetime | None, steps: int | None, first: float
+) -> None:
+    tracks = read(write(tmp_path / "a.nc", [DRIFTING]), start=start, steps=steps)
+    assert tracks.steps == (steps or round((3 - first) * 60))
+    whole = read(tmp_path / "a.nc").positions[round(first * 60) :]
+    np.testing.assert_allclose(tracks.positions, whole[: tracks.steps + 1], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        {"order": ("time", "trajectory")},
+        {"names": ("x", "y", "t")},
+        {"dtype": "i4"},
+        {"dtype": "f8", "names": ("longitude", "latitude", "time")},
+        {"seconds": HOURS / 86400, "units": "days since 2026-06-01 12:00:00"},
+        {"seconds": 14 + HOURS / 3600, "units": "hours since 2026-06-01 00:00:00 +02:00"},
+        {"calendar": "proleptic_gregorian"},
+        {"calendar": None},
+    ],
+    ids=str,
+)
+def test_other_files_of_the_convention(tmp_path: Path, layout: dict[str, Any]) -> None:
+    stranding = [*DRIFTING[:2], NOWHERE, NOWHERE]
+    expected = read(write(tmp_path / "a.nc", [DRIFTING, stranding], status=[[0] * 4, [0, 1, 0, 0]]))
+    path = write(
+        tmp_path / "b.nc", [DRIFTING, stranding], **layout, status=[[0] * 4, [0, 1, -1, -1]]
+    )
+    tracks = read(path)
+    assert (tracks.stranded, tracks.lost) == (1, 0)
+    np.testing.assert_allclose(tracks.positions, expected.positions, atol=0.01)
+    later = read(path, start=NOON + timedelta(hours=1))
+    np.testing.assert_allclose(later.positions, expected.positions[60:], atol=0.01)
+
+
+# Elements that end or begin during the search.
+
+MANY = [DRIFTING] * 19
+
+
+@pytest.mark.parametrize(
+    ("last", "status", "window", "stranded", "lost"),
+    [
+        ([*DRIFTING[:2], NOWHERE, NOWHERE], [0, 1, -1, -1], (0, 3), 1, 0),
+        ([*DRIFTING[:2], NOWHERE, NOWHERE], [0, 1, -1, -1], (2, 3), 1, 0),  # before the search
+        ([*DRIFTING[:2], NOWHERE, NOWHERE], [0, 2, -1, -1], (0, 3), 0, 1),
+        ([*DRIFTING[:2], NOWHERE, NOWHERE], [0, 2, -1, -1], (0, 1), 0, 0),  # after the search
+        ([*DRIFTING[:2], NOWHERE, NOWHERE], [0, 0, -1, -1], (0, 3), 0, 1),
+        ([*DRIFTING[:2], NOWHERE, NOWHERE], [0, 2, -1, -1], (2, 3), 0, 1),
+        ([*DRIFTING[:3], DRIFTING[2]], [0, 0, 1, 1], (0, 3), 1, 0),
+        ([*DRIFTING[:3], DRIFTING[2]], [0, 0, 1, 1], (0, 1), 0, 0),
+        ([NOWHERE, *DRIFTING[:3]], [-1, 0, 0, 0], (0, 3), 0, 1),
+        ([NOWHERE, *DRIFTING[:3]], [-1, 0, 0, 0], (1, 3), 0, 0),
+        ([NOWHERE] * 4, [-1] * 4, (0, 3), 0, 1),
+    ],
+)
+def test_elements_strand_and_are_lost(
+    tmp_path: Path,
+    last: Any,
+    status: list[int],
+    window: tuple[int, int],
+    stranded: int,
+    lost: int,
+) -> None:
+    path = write(tmp_path / "a.nc", [*MANY, last], status=[[0] * 4] * 19 + [status])
+    begin, end = window
+    tracks = read(path, start=NOON + timedelta(hours=begin), steps=60 * (end - begin))
+    assert (len(tracks), tracks.stranded, tracks.lost) == (20 - lost, stranded, lost)
+    assert (f"{lost} lost and left out" in repr(tracks)) == (lost > 0)
+    assert (f"{stranded} stranded" in repr(tracks)) == (stranded > 0)
+    if stranded:
+        assert not np.ptp(tracks.positions[60 * (2 - begin) :, -1], axis=0).any()
+
+
+@pytest.mark.parametrize("flags", [{}, {"flag_values": np.int32(0), "flag_meanings": "active"}])
+def test_without_a_flag_for_stranding_what_ends_is_lost(
+    tmp_path: Path, flags: dict[str, Any]
+) -> None:
+    ending = [*DRIFTING[:2], NOWHERE, NOWHERE]
+    status = [[0] * 4] * 19 + [[0, 1, -1, -1]]
+    tracks = read(write(tmp_path / "a.nc", [*MANY, ending], status=status, flags=flags))
+    assert (tracks.stranded, tracks.lost) == (0, 1)
+    tracks = read(write(tmp_path / "b.nc", [*MANY, ending]))
+    assert (tracks.stranded, tracks.lost) == (0, 1)
+
+
+def test_diffusivity_is_a_random_walk_until_an_element_strands(tmp_path: Path) -> None:
+    still = track(4.8, 4.8, 4.8, 4.8)
+    ashore = [*still[:2], NOWHERE, NOWHERE]
+    status = [[0] * 4] * 1000 + [[0, 1, -1, -1]] * 1000
+    path = write(tmp_path / "a.nc", [still] * 1000 + [ashore] * 1000, status=status)
+    tracks = read(path, diffusivity=2.0, seed=3)
+    for elements, seconds in (((0, 1000), (3600, 10_800)), ((1000, 2000), (3600, 3600))):
+        own = tracks.positions[:, slice(*elements)] * SCALE.metres_per_cell
+        for step, adrift in zip((60, 180), seconds, strict=True):
+            # The standard error of a variance of 1,000 draws is 4.5 %.
+            np.testing.assert_allclose(own[step].var(axis=0), 2 * 2.0 * adrift, rtol=0.2)
+    assert not np.ptp(tracks.positions[60:, 1000:], axis=0).any()
+    assert tracks == read(path, diffusivity=2.0, seed=3)
+    assert tracks != read(path, diffusivity=2.0, seed=4)
+    assert read(path).positions.std() < 1e-3
+
+
+# Bad input.
+
+NAIVE = datetime(2026, 6, 1, 12)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"scale": None}, TypeError, "scale must be a Scale, got None"),
+        ({"scale": (200, 60)}, TypeError, "scale must be a Scale, got (200, 60)"),
+        ({"origin": None}, TypeError, "origin must be (longitude, latitude) in degrees, got None"),
+        ({"origin": (1, 2, 3)}, ValueError, "origin must be (longitude, latitude) in degrees, got"),
+        ({"origin": (4.8, "60 N")}, TypeError, "origin[1] must be a finite number, got '60 N'"),
+        ({"cell": 3}, TypeError, "cell must be two finite numbers (x, y), got 3"),
+        ({"start": NAIVE}, ValueError, "start must be a datetime with a time zone, got datetime"),
+        ({"start": "12:00"}, TypeError, "start must be a datetime with a time zone, got '12:00'"),
+        ({"start": NOON - timedelta(seconds=1)}, ValueError, "start=2026-06-01T11:59:59+00:00"),
+        ({"start": NOON + timedelta(hours=3)}, ValueError, "12:00:00+00:00 to 2026-06-01 15:00:00"),
+        ({"start": NOON + timedelta(days=9)}, ValueError, "start and steps must lie within the"),
+        ({"steps": 181}, ValueError, "steps=181 of 60 s"),
+        ({"steps": 2.5}, TypeError, "steps must be an integer of at least 1, got 2.5"),
+        ({"steps": 0}, ValueError, "steps must be an integer of at least 1, got 0"),
+        ({"scale": Scale(200, 20_000)}, ValueError, "steps=None of 20000 s"),
+        ({"scale": Scale(2, 60)}, ValueError, "take shorter steps or larger cells"),
+        ({"diffusivity": -1}, ValueError, "diffusivity must be a finite number of at least 0"),
+        ({"seed": 1.5}, TypeError, "seed must be an integer of at least 0, got 1.5"),
+    ],
+    ids=str,
+)
+def test_bad_arguments(
+    tmp_path: Path, options: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    path = write(tmp_path / "a.nc", [DRIFTING])
+    with pytest.raises(error, match=re.escape(message)) as raised:
+        read(path, **options)
+    assert "\n" not in str(raised.value)
+
+
+def damaged(path: Path) -> None:
+    """A NetCDF file with a sound header."""
+    without("lon")(path)
+    with nc.Dataset(path, "a") as data:
+        data.createDimension("many", 50_000)
+        variable = data.createVariable("lon", "f8", ("many", "time"), zlib=True)
+        variable.standard_name = "longitude"
+        variable[:] = np.random.default_rng(0).random((50_000, 3))
+    content = path.read_bytes()
+    middle = len(content) // 2
+    path.write_bytes(content[:middle] + bytes(1000) + content[middle + 1000 :])
+
+
+def without(*names: str) -> Any:
+    def make(path: Path) -> None:
+        with nc.Dataset(path, "w") as data:
+            data.createDimension("time", 3)
+            data.createDimension("obs", 3)
+            for name in sorted({"lon", "lat", "time"} - {*names}):
+                variable = data.createVariable(name, "f8", ("time",))
+                if name == "time":
+                    variable.units = "seconds since 1970-01-01"
+                variable.standard_name = {"lon": "longitude", "lat": "latitude"}.get(name, name)
+                variable[:] = np.arange(3.0)
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda path: path.write_text("time,lon,lat\n"), "must be a NetCDF file, got another"),
+        (lambda path: path.write_bytes(b""), "must be a NetCDF file, got another"),
+        (
+            lambda path: path.write_bytes(write(path, MANY).read_bytes()[:-500]),
+            "must be a NetCDF file, got another",
+        ),
+        (lambda path: nc.Dataset(path, "w").close(), "longitude, latitude and time, .*none"),
+        (without("lon"), "the standard names longitude, latitude and time, .*: KeyError"),
+        (without("time"), "the standard names longitude, latitude and time"),
+        (damaged, "longitude, latitude and time, .* got lat, time, lon: RuntimeError"),
+        (without(), "for many elements at common times"),  # one trajectory, without a dimension
+        (lambda path: write(path, MANY, units=None), "common times .* got time, lon, lat: Attr"),
+        (lambda path: write(path, MANY, units="s"), "common times of the usual calendar, got"),
+        (lambda path: write(path, MANY, calendar="360_day"), "the usual calendar, got"),
+        (lambda path: write(path, MANY, HOURS[::-1]), "start and steps must lie within"),
+        (
+            lambda path: write(path, [[*DRIFTING[:3], NOWHERE]] * 3 + MANY),
+            "must lose at most 10% of its elements before the last step but for stranding, "
+            "got 3 of 22: simulate a larger area, start later or take fewer steps",
+        ),
+        (
+            lambda path: write(path, [[DRIFTING[0], NOWHERE, *DRIFTING[2:]]]),
+            "or NaN at the start or in the middle, in 1 tracks",
+        ),
+    ],
+)
+def test_bad_files(tmp_path: Path, make: Any, message: str) -> None:
+    make(path := tmp_path / "a.nc")
+    with pytest.raises(ValueError, match=message) as raised:
+        read(path)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"not an archive", "others", "half", "array"],
+)
+def test_another_npz(tmp_path: Path, content: bytes | str) -> None:
+    path = tmp_path / "a.npz"
+    if content == "array":
+        with path.open("wb") as file:
+            np.save(file, np.zeros(3))
+    elif isinstance(content, str):
+        np.savez(path, start=np.zeros(3), others=np.zeros(300))
+        path.write_bytes(path.read_bytes()[: 500 if content == "half" else None])
+    else:
+        path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"a\.npz must be a file of Tracks\.save, got another$"):
+        Tracks.read(path)
+
+
+@pytest.mark.parametrize("name", ["none.nc", "none.npz", "."])
+def test_missing_file(tmp_path: Path, name: str) -> None:
+    with pytest.raises(FileNotFoundError, match="path must name a file, but there is no"):
+        read(tmp_path / name)
+
+
+# Scenarios as JSON.
+
+
+@pytest.mark.filterwarnings("ignore:.* tracks are few")
+@pytest.mark.parametrize("suffix", [".nc", ".npz"])
+def test_json_names_the_file(tmp_path: Path, suffix: str) -> None:
+    path = write(tmp_path / "a.nc", MANY)
+    options = {"start": NOON + timedelta(hours=1), "cell": (5, 5), "diffusivity": 0.1, "seed": 4}
+    tracks = read(path, **options)
+    if suffix == ".npz":
+        tracks.save(path := tmp_path / "a.npz")
+        tracks = Tracks.read(path)
+    scenario = Scenario(20, persons=Person(tracks, 0.8, fine=1), timestep_limit=20)
+    text = json.dumps(scenario.to_dict())
+    restored = Scenario.from_dict(json.loads(text))
+    assert restored.persons[0].tracks == tracks
+    assert restored == scenario
+    assert json.dumps(restored.to_dict()) == text
+
+    moved = path.rename(tmp_path / f"b{suffix}")
+    with pytest.raises(FileNotFoundError, match=r"there is no .*a\."):
+        Scenario.from_dict(json.loads(text))
+    moved.rename(path)
+    path.write_bytes(path.read_bytes() + b"\0")
+    with pytest.raises(ValueError, match=r"a\.\w+ must be as it was when its SHA-256 was saved"):
+        Scenario.from_dict(json.loads(text))
+
+
+@pytest.mark.filterwarnings("ignore:.* tracks are few")
+def test_json_of_arrays_holds_no_tracks(tmp_path: Path) -> None:
+    fitted, _ = read(write(tmp_path / "a.nc", MANY)).split()
+    data = Scenario(20, persons=Person(fitted)).to_dict()
+    with pytest.raises(ValueError, match="tracks must come from a file to be restored"):
+        Scenario.from_dict(json.loads(json.dumps(data)))
+
+
+def test_without_netcdf4(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "a.nc", MANY)
+    monkeypatch.setitem(sys.modules, "netCDF4", None)
+    with pytest.raises(ImportError, match=r'pip install "DroneSwarmSearchEnvironment\[tracks\]"'):
+        read(path)
