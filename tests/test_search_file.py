@@ -78,7 +78,7 @@ def test_a_file_of_tracks_is_relative_to_the_search(tmp_path: Path) -> None:
         ('{"drones_positions": 3}', "drones_positions must be a list of cells, got 3"),
         ('{"drones_positions": [[1, 1], [1, 1]]}', "drones_positions must hold different cells"),
         ('{"drones_positions": [[1, 1]], "n_drones": 2}', "must hold 2 cells"),
-        ('{"persons": [{"tracks": {"file": "a.npz", "sha256": ""}}]}', "No such file.*a.npz"),
+        ('{"persons": [{"tracks": {"file": "a.npz", "sha256": ""}}]}', "there is no .*a.npz"),
         ('{"scale": {"metres": 3}}', "unexpected keyword argument 'metres'"),
     ],
 )
