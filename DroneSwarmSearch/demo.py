@@ -22,8 +22,6 @@ from DroneSwarmSearch.rendering.text import print_frames
 from DroneSwarmSearch.rendering.video import write_video
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
-__all__ = ["main"]
-
 # Flights by hand are compared with these policies, all of which are quick.
 RIVALS = ("greedy-matrix", "greedy-posterior", "greedy-forecast", "parallel-sweep")
 

@@ -19,8 +19,6 @@ from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["parse", "search_of"]
-
 DESCRIPTION = """\
 Drones search a grid at sea for shipwrecked persons who drift: watch a policy, or fly one drone
 yourself. SEARCH names a search; without it, the drones start around the border, and the person is

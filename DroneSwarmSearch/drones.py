@@ -11,8 +11,6 @@ from DroneSwarmSearch.rules import OFF_GRID, Action, Ending
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.world import WorldState
 
-__all__ = ["Drones"]
-
 _SEARCH = int(Action.SEARCH)
 
 

@@ -40,21 +40,6 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 
-__all__ = [
-    "OFF_GRID",
-    "Action",
-    "Ending",
-    "RewardScheme",
-    "collisions",
-    "is_success",
-    "neighbours",
-    "neighbours_of_all",
-    "outcome",
-    "outcomes",
-    "same_cell",
-    "successes",
-]
-
 
 class Action(IntEnum):
     """The actions of a drone; y increases downward, so UP is towards row 0."""

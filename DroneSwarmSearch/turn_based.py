@@ -11,8 +11,6 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch.rules import Action
 
-__all__ = ["TurnBased"]
-
 
 class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
     """PettingZoo's conversion to the AEC form, with each action validated when it is given.

@@ -16,8 +16,6 @@ from DroneSwarmSearch.drift.belief import Belief, mean_over_missing
 from DroneSwarmSearch.rules import COVERED_AT
 from DroneSwarmSearch.scenario import Scenario
 
-__all__ = ["WorldState"]
-
 _FEWEST_AHEAD, _MOST_AHEAD = 8, 32
 """The steps that persons walk at a time, because each call has a fixed cost."""
 

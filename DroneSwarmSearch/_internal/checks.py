@@ -20,27 +20,6 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Ints
 
-__all__ = [
-    "LARGEST_EXACT",
-    "array",
-    "boolean",
-    "cell",
-    "choice",
-    "fits",
-    "integer",
-    "integer_array",
-    "integers",
-    "is_number",
-    "items",
-    "known_options",
-    "numbers",
-    "pair",
-    "positive",
-    "real",
-    "seeds",
-]
-
-
 LARGEST_EXACT = 2**53
 """The largest number up to which all integers are exact as floats."""
 

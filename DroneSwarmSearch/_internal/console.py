@@ -7,8 +7,6 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["printed_warnings"]
-
 
 @contextmanager
 def printed_warnings(prefix: str = "") -> Iterator[None]:

@@ -8,8 +8,6 @@ from collections.abc import Iterable
 
 import gymnasium
 
-__all__ = ["ResetNeeded", "did_you_mean"]
-
 
 class ResetNeeded(gymnasium.error.ResetNeeded, RuntimeError):  # noqa: N818 (Gymnasium's name)
     """An environment was used before `reset`, or after the end of an episode."""

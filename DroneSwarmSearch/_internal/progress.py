@@ -6,8 +6,6 @@ import shutil
 import sys
 import time
 
-__all__ = ["Progress"]
-
 SILENT = 2.0  # seconds before anything is shown
 REDRAW_EVERY, LINES_EVERY = 0.2, 30.0  # seconds, on a terminal and elsewhere
 WIDTH = 30  # characters in a full bar

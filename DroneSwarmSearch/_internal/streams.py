@@ -18,19 +18,6 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Words
 
-__all__ = [
-    "GOLDEN",
-    "EpisodeStream",
-    "Streams",
-    "episode_keys",
-    "mixed",
-    "numbers",
-    "policy_key",
-    "stream_keys",
-    "unit_numbers",
-]
-
-
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 """The counter's increment, close to 2**64 / golden ratio, so that multiples spread evenly."""
 

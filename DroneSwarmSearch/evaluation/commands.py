@@ -24,8 +24,6 @@ from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["run"]
-
 FAILED, INTERRUPTED = 1, 130  # exit codes; 130 is the shells' code for Ctrl-C
 PACKAGE = Path(__file__).parents[1]
 

@@ -15,15 +15,6 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Singles
 
-__all__ = [
-    "Layout",
-    "mark",
-    "own_first",
-    "remaining_time_fraction",
-    "scaled_matrices",
-    "scaled_positions",
-]
-
 Positions = NDArray[np.integer]
 Observations = Any  # an array, or a dict of arrays
 

@@ -17,8 +17,6 @@ from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["Act", "PlannedPolicy", "PlannedSearch", "PlannedStep"]
-
 HORIZON = 500
 """The most steps to plan at once, which bounds time and memory."""
 

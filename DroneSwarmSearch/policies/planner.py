@@ -16,8 +16,6 @@ from DroneSwarmSearch.policies.planned import HORIZON, PlannedPolicy, PlannedSte
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["PlannerPolicy"]
-
 EARLY_BONUS = 0.01
 """How much more a find in the first step is worth than one in the last, in the choice of paths; of
 several plans, the one with the largest probability of success wins, without the bonus."""

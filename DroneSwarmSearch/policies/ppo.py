@@ -20,9 +20,6 @@ from DroneSwarmSearch.policies.planned import Act, PlannedPolicy, PlannedSearch,
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["DEFAULT_WEIGHTS", "Network", "PPOPolicy"]
-
-
 SAMPLES = 4
 """Simulations with sampled actions before a search."""
 

@@ -13,8 +13,6 @@ from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, remaining_t
 from DroneSwarmSearch.layouts.masks import action_masks, mask_space
 from DroneSwarmSearch.vector.engine import SearchBatch
 
-__all__ = ["BatchObservations"]
-
 Observations = Any  # an array, or a dict of arrays
 
 
