@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from DroneSwarmSearch._internal.console import printed_warnings
+from DroneSwarmSearch._internal.errors import printed_warnings
 from DroneSwarmSearch.demo_options import parse, search_of
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.suite import NamedSearch

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from DroneSwarmSearch import policies
-from DroneSwarmSearch._internal.console import printed_warnings
+from DroneSwarmSearch._internal.errors import printed_warnings
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
 from DroneSwarmSearch.evaluation import board, exporting, recording, suite
