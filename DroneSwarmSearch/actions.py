@@ -13,8 +13,6 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.grid import Neighbours
 from DroneSwarmSearch.rules import Action
 
-__all__ = ["Reader", "check_agent", "checked_actions"]
-
 _ACTIONS = len(Action)
 _STAYING = bytes((Action.SEARCH, Action.IDLE))
 

@@ -17,8 +17,6 @@ from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.scenario import MISSIONS
 
-__all__ = ["main"]
-
 PROGRAM = "python -m DroneSwarmSearch"
 
 # A summary, a description and examples of each.

@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from DroneSwarmSearch._internal.console import printed_warnings
+from DroneSwarmSearch._internal.errors import printed_warnings
 from DroneSwarmSearch.demo_options import parse, search_of
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.suite import NamedSearch
@@ -21,8 +21,6 @@ from DroneSwarmSearch.rendering.player import Player, Recording, Score
 from DroneSwarmSearch.rendering.text import print_frames
 from DroneSwarmSearch.rendering.video import write_video
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
-
-__all__ = ["main"]
 
 # Flights by hand are compared with these policies, all of which are quick.
 RIVALS = ("greedy-matrix", "greedy-posterior", "greedy-forecast", "parallel-sweep")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,8 +17,6 @@ from DroneSwarmSearch.evaluation.suite import NamedSearch, search
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST
 from DroneSwarmSearch.scenario import Cell, Scenario
-
-__all__ = ["parse", "search_of"]
 
 DESCRIPTION = """\
 Drones search a grid at sea for shipwrecked persons who drift: watch a policy, or fly one drone
@@ -73,11 +70,8 @@ def parse(argv: Sequence[str] | None) -> tuple[argparse.ArgumentParser, argparse
 
 
 def _parser() -> argparse.ArgumentParser:
-    started_as = Path(sys.argv[0]).stem if sys.argv else ""
-    commands = {"__main__": "python -m DroneSwarmSearch", "droneswarmsearch": "droneswarmsearch"}
-    command = commands.get(started_as)
     parser = argparse.ArgumentParser(
-        prog=command and f"{command} play",
+        prog="python -m DroneSwarmSearch play",
         usage="%(prog)s [SEARCH] [options]",
         description=DESCRIPTION,
         epilog=EXAMPLES,

@@ -11,8 +11,6 @@ from DroneSwarmSearch.rules import OFF_GRID, Action, Ending
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.world import WorldState
 
-__all__ = ["Drones"]
-
 _SEARCH = int(Action.SEARCH)
 
 
@@ -27,10 +25,8 @@ class Drones:
         history: the last steps, oldest first, and the start: all drones' cells, and their actions.
     """
 
-    def __init__(self, names: tuple[str, ...], scenario: Scenario) -> None:
-        self._names = names
+    def __init__(self, scenario: Scenario) -> None:
         self._scheme = scenario.reward_scheme
-        self._usual = dict.fromkeys(names, self._scheme.step)
         self._timestep_limit = scenario.timestep_limit
 
     def start(self, cells: list[int]) -> None:
@@ -43,26 +39,11 @@ class Drones:
 
     def resolve(
         self, chosen: bytes, targets: list[int], world: WorldState
-    ) -> tuple[dict[str, float], Ending | None]:
+    ) -> tuple[list[float], Ending | None]:
         """Let the drones search and move, given each one's action and target cell or OFF_GRID.
 
-        Returns each drone's reward, for reading only, and the ending, or None.
+        Returns each drone's reward, and the ending or None.
         """
-        rewards, ending = self._usual, None
-        if _SEARCH in chosen or rules.affects_all(targets, world.step, self._timestep_limit):
-            rewards, ending = self._outcome(chosen, targets, world)
-        if ending:  # a drone that tries to leave the grid stays
-            moves = zip(self.cells, targets, strict=True)
-            targets = [cell if target == OFF_GRID else target for cell, target in moves]
-        self.chosen, self.cells = chosen, targets
-        self.returns = [*map(add, self.returns, rewards.values())]
-        self.history.append((targets, chosen))
-        return rewards, ending
-
-    def _outcome(
-        self, chosen: bytes, targets: list[int], world: WorldState
-    ) -> tuple[dict[str, float], Ending | None]:
-        """`resolve` searches, and apply the rules."""
         found: set[int] = set()
         observed: dict[int, float] = {}
         if _SEARCH in chosen:
@@ -71,7 +52,7 @@ class Drones:
             searches = {cell: drone for drone, (cell, action) in pairs if action == _SEARCH}
             observed = world.observed(searches)
             found = world.search(searches)
-        others, ending = rules.outcome(
+        rewards, ending = rules.outcome(
             self._scheme,
             self._timestep_limit,
             world.is_rescue,
@@ -85,9 +66,12 @@ class Drones:
             covered=world.is_covered,
         )
         self.finders |= found
-        rewards = self._usual.copy()
-        for drone, reward in others.items():
-            rewards[self._names[drone]] = reward
+        if ending:  # a drone that tries to leave the grid stays
+            moves = zip(self.cells, targets, strict=True)
+            targets = [cell if target == OFF_GRID else target for cell, target in moves]
+        self.chosen, self.cells = chosen, targets
+        self.returns = [*map(add, self.returns, rewards)]
+        self.history.append((targets, chosen))
         return rewards, ending
 
     def trails(self) -> list[list[int]]:

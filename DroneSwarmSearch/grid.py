@@ -12,8 +12,6 @@ from typing import Any, Generic, TypeVar
 
 from DroneSwarmSearch.rules import neighbours
 
-__all__ = ["Neighbours", "Positions", "grid_of"]
-
 Entry = TypeVar("Entry")
 
 

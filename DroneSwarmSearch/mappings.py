@@ -14,8 +14,6 @@ from typing import Any, Generic, TypeVar
 
 from DroneSwarmSearch.rules import Ending, is_success
 
-__all__ = ["Infos", "Rewards", "Start", "SuccessInfos"]
-
 Value = TypeVar("Value")
 Facts = tuple[Ending | None, tuple[int, ...], tuple[int, ...], int, float | None]
 """The ending, the missing persons, all persons, completed steps, the probability of success."""

@@ -17,8 +17,6 @@ from DroneSwarmSearch.mappings import Facts, Infos, SuccessInfos
 from DroneSwarmSearch.rules import Action, is_success
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["Observation", "SearchSpaces", "observe", "state_planes"]
-
 
 class Observation(TypedDict):
     """A drone's observation: ((x, y), matrix)."""

@@ -40,24 +40,6 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 
-__all__ = [
-    "OFF_GRID",
-    "Action",
-    "Ending",
-    "RewardScheme",
-    "affects_all",
-    "collisions",
-    "ending",
-    "is_success",
-    "neighbours",
-    "neighbours_of_all",
-    "outcome",
-    "outcomes",
-    "reward",
-    "same_cell",
-    "successes",
-]
-
 
 class Action(IntEnum):
     """The actions of a drone; y increases downward, so UP is towards row 0."""
@@ -232,65 +214,6 @@ def collisions(targets: Ints) -> Ints:
     return collided.T.reshape(-1).nonzero()[0]
 
 
-def reward(
-    scheme: RewardScheme,
-    collided: bool,
-    left_grid: bool,
-    found: bool,
-    time_limit_reached: bool,
-    found_before: bool,
-    searched: bool,
-    probability: float,
-    steps_before: int,
-    timestep_limit: int,
-    return_so_far: float,
-) -> float:
-    """The reward of one drone in one step: the first line of the table that applies.
-
-    `probability` is what the matrix that it observed holds for its cell; or, with
-    `expected_finds`, the probability of success that its search adds.
-    """
-    if collided:
-        return scheme.collision
-    if left_grid:
-        return scheme.leave_grid
-    if scheme.expected_finds:
-        return scheme.find * probability if searched else scheme.step
-    if found:
-        return scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
-    if time_limit_reached and not found_before:
-        return scheme.timeout - return_so_far
-    if not searched:
-        return scheme.step
-    if probability > scheme.search_threshold:
-        return scheme.search * probability
-    return scheme.search_unlikely
-
-
-def ending(
-    all_found: bool,
-    covered: bool,
-    any_collided: bool,
-    any_left_grid: bool,
-    time_limit_reached: bool,
-) -> Ending | None:
-    """How the episode ends with this step, or None; success takes precedence over crashes."""
-    if all_found:
-        return Ending.FOUND
-    if covered:
-        return Ending.COVERED
-    if any_collided:
-        return Ending.COLLISION
-    if any_left_grid:
-        return Ending.LEFT_GRID
-    return Ending.TIME_LIMIT if time_limit_reached else None
-
-
-def affects_all(targets: Sequence[int], steps_before: int, timestep_limit: int) -> bool:
-    """Whether drones crash or the time limit is reached: else, only searches have an `outcome`."""
-    return steps_before == timestep_limit - 1 or len({OFF_GRID, *targets}) <= len(targets)
-
-
 def outcome(
     scheme: RewardScheme,
     timestep_limit: int,
@@ -304,7 +227,7 @@ def outcome(
     steps_before: int,
     all_found: bool,
     covered: bool,
-) -> tuple[dict[int, float], Ending | None]:
+) -> tuple[list[float], Ending | None]:
     """The outcome of a step: drones' rewards, and the ending if it is the last one.
 
     Args:
@@ -312,7 +235,8 @@ def outcome(
         timestep_limit: the number of steps in an episode.
         is_rescue: whether the mission is to find persons.
         targets: the cell that each drone tries to enter, or OFF_GRID.
-        observed: the `probability` in `reward`, for each drone that searches.
+        observed: for each drone that searches, what the matrix that it observed holds for its
+            cell; or, with `expected_finds`, the probability of success that its search adds.
         found: the drones whose searches find a person.
         found_before: the drones that found one in an earlier step of the episode.
         returns: each drone's sum of rewards before this step.
@@ -321,27 +245,38 @@ def outcome(
         covered: whether the coverage mission is complete, see `COVERED_AT`.
 
     Returns:
-        Rewards by drone; those not named get `scheme.step`. The ending, or None.
+        Every drone's reward, and the ending or None.
     """
     is_last = steps_before == timestep_limit - 1
-    for_all = affects_all(targets, steps_before, timestep_limit)
-    shared = same_cell(targets) if for_all else set()
-    rewards = {}
-    for drone in range(len(targets)) if for_all else observed:
-        rewards[drone] = reward(
-            scheme,
-            targets[drone] in shared,
-            targets[drone] == OFF_GRID,
-            drone in found,
-            is_last and is_rescue,
-            drone in found_before,
-            drone in observed,
-            observed.get(drone, 0.0),
-            steps_before,
-            timestep_limit,
-            returns[drone],
-        )
-    return rewards, ending(all_found, covered, bool(shared), OFF_GRID in targets, is_last)
+    shared = same_cell(targets)
+    rewards = []
+    for drone, target in enumerate(targets):
+        if target in shared:
+            reward = scheme.collision
+        elif target == OFF_GRID:
+            reward = scheme.leave_grid
+        elif scheme.expected_finds:
+            reward = scheme.find * observed[drone] if drone in observed else scheme.step
+        elif drone in found:
+            reward = scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
+        elif is_last and is_rescue and drone not in found_before:
+            reward = scheme.timeout - returns[drone]
+        elif drone not in observed:
+            reward = scheme.step
+        elif observed[drone] > scheme.search_threshold:
+            reward = scheme.search * observed[drone]
+        else:
+            reward = scheme.search_unlikely
+        rewards.append(reward)
+    if all_found:  # success takes precedence over crashes
+        return rewards, Ending.FOUND
+    if covered:
+        return rewards, Ending.COVERED
+    if shared:
+        return rewards, Ending.COLLISION
+    if OFF_GRID in targets:
+        return rewards, Ending.LEFT_GRID
+    return rewards, Ending.TIME_LIMIT if is_last else None
 
 
 def outcomes(

@@ -11,8 +11,6 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch.rules import Action
 
-__all__ = ["TurnBased"]
-
 
 class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
     """PettingZoo's conversion to the AEC form, with each action validated when it is given.
@@ -22,7 +20,7 @@ class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
         super().__init__(env)
-        self._is_ready = False  # an episode has begun, and no call was interrupted
+        self._is_ready = False  # an episode has begun, and no step was interrupted
 
     def observe(self, agent: str) -> Any:
         """The drone's latest observation; ResetNeeded without an episode, else see `step`."""
@@ -32,19 +30,14 @@ class TurnBased(parallel_to_aec_wrapper[str, Any, int]):
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
         """Start an episode; see `DroneSwarmSearch.reset`."""
-        before, self._is_ready = self._is_ready, False
-        try:
-            super().reset(seed=seed, options=options)
-        except (TypeError, ValueError, RuntimeError):  # validation, before any change
-            self._is_ready = before
-            raise
+        super().reset(seed=seed, options=options)
         self._is_ready = True
 
     def step(self, action: int | None) -> None:
         """Choose the action, 0 to 5, of the drone whose turn it is; None after its episode.
 
         Raises:
-            ResetNeeded: before the first `reset`, and after an interrupted step or reset.
+            ResetNeeded: before the first `reset`, and after an interrupted step.
             TypeError, ValueError: the action is invalid; the turn does not change.
         """
         if not self._is_ready:

@@ -16,8 +16,6 @@ from DroneSwarmSearch.drift.belief import Belief, mean_over_missing
 from DroneSwarmSearch.rules import COVERED_AT
 from DroneSwarmSearch.scenario import Scenario
 
-__all__ = ["WorldState"]
-
 _FEWEST_AHEAD, _MOST_AHEAD = 8, 32
 """The steps that persons walk at a time, because each call has a fixed cost."""
 
@@ -93,7 +91,7 @@ class WorldState:
     def person_cell(self, person: int) -> int:
         """A person's current cell, y * N + x."""
         if not self._paths:
-            draws = self._streams.start.draw(self._episode, len(self.persons))
+            draws = self._streams.start.between(self._episode, 0, len(self.persons))
             models = zip(self._models, draws, strict=True)
             self._paths = [[int(model.start(draw))] for model, draw in models]
         while self.step >= self._paths_first + len(self._paths[0]):
@@ -105,7 +103,8 @@ class WorldState:
         n = len(self._models)
         known = self._paths_first + len(self._paths[0]) - 1
         steps = min(max(_FEWEST_AHEAD, known), _MOST_AHEAD)
-        draws = self._streams.drift.draw(self._episode, 2 * n * steps)
+        first, last = 2 * n * known, 2 * n * (known + steps)
+        draws = self._streams.drift.between(self._episode, first, last)
         self._paths = [
             model.walk(path[-1], known, draws[2 * k :: 2 * n], draws[2 * k + 1 :: 2 * n])
             for k, (model, path) in enumerate(zip(self._models, self._paths, strict=True))
@@ -141,8 +140,9 @@ class WorldState:
         detection = self._detections[person]
         if detection in (0.0, 1.0):
             return detection == 1.0
-        row = self._streams.detection.row(self._episode, self.step, len(self.persons))
-        return row[person] < detection
+        place = self.step * len(self.persons) + person
+        [draw] = self._streams.detection.between(self._episode, place, place + 1)
+        return draw < detection
 
     def observed(self, searches: Mapping[int, int]) -> dict[int, float]:
         """What each search pays for, by drone, before `search`.

@@ -16,14 +16,12 @@ from DroneSwarmSearch.layouts import (
     JOINT_LAYOUTS,
     LAYOUTS,
     Layout,
-    StackedLayout,
     remaining_time_fraction,
 )
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout, likeliest_cells
 
 BY_HAND = [name for name in LAYOUTS if name != "crops"]  # see test_crops.py
 
-by_hand_too = pytest.mark.parametrize("name", BY_HAND)
 Arguments = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -37,13 +35,6 @@ def arguments(searches: int = 5, size: int = 6, drones: int = 3) -> Arguments:
     matrices[-1, 2, 3] = 1.0
     matrices /= matrices.sum(axis=(1, 2), keepdims=True)
     return positions, matrices, remaining_time_fraction(np.arange(searches), 7)
-
-
-def made(name: str, size: int = 6, drones: int = 3) -> tuple[Layout, Layout]:
-    """Return the observations of drones and those of swarms."""
-    layout = LAYOUTS[name](size, drones)
-    joint = JOINT_LAYOUTS[name](size, drones) if name in JOINT_LAYOUTS else StackedLayout(layout)
-    return layout, joint
 
 
 def written(layout: Layout, shown: Arguments, *leading: int) -> Any:
@@ -63,11 +54,11 @@ def written(layout: Layout, shown: Arguments, *leading: int) -> Any:
     return out
 
 
-@by_hand_too
+@pytest.mark.parametrize("name", BY_HAND)
 @pytest.mark.parametrize("drones", [1, 3])
 def test_drone_layouts_match_plain_implementations(name: str, drones: int) -> None:
     shown = arguments(drones=drones)
-    layout, _ = made(name, drones=drones)
+    layout = LAYOUTS[name](6, drones)
     out = written(layout, shown, 5, drones)
     for search, (cells, matrix, left) in enumerate(zip(*shown, strict=True)):
         for drone in range(drones):
@@ -81,10 +72,10 @@ def test_drone_layouts_match_plain_implementations(name: str, drones: int) -> No
             assert seen in layout.space
 
 
-@by_hand_too
+@pytest.mark.parametrize("name", JOINT_LAYOUTS)
 def test_swarm_layouts_match_plain_implementations(name: str) -> None:
     shown = arguments()
-    _, joint = made(name)
+    joint = JOINT_LAYOUTS[name](6, 3)
     out = written(joint, shown, 5)
     for search, (cells, matrix, left) in enumerate(zip(*shown, strict=True)):
         if isinstance(out, dict):

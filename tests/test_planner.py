@@ -195,13 +195,3 @@ class TestProgress:
         shown = terminal.getvalue()
         assert "planning [" in shown and "%" in shown
         assert shown.endswith("\r\x1b[K"), "the bar disappears"
-
-    def test_a_report_replaces_the_bar(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        terminal = Terminal()
-        monkeypatch.setattr(sys, "stderr", terminal)
-        policy, fractions = planner(A_SEARCH), []
-        policy.prepare(A_SEARCH.drones, fractions.append)
-        assert fractions == sorted(fractions)
-        assert 0.0 <= fractions[0] < 0.5 <= fractions[-1] < 1.0
-        policy.prepare([(3, 3), (4, 4)])
-        assert terminal.getvalue() == ""

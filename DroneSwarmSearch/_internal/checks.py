@@ -20,27 +20,6 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Ints
 
-__all__ = [
-    "LARGEST_EXACT",
-    "array",
-    "boolean",
-    "cell",
-    "choice",
-    "fits",
-    "integer",
-    "integer_array",
-    "integers",
-    "is_number",
-    "items",
-    "known_options",
-    "numbers",
-    "pair",
-    "positive",
-    "real",
-    "seeds",
-]
-
-
 LARGEST_EXACT = 2**53
 """The largest number up to which all integers are exact as floats."""
 
@@ -185,19 +164,10 @@ def cell(name: str, value: object, grid_size: int) -> tuple[int, int]:
 
 def numbers(name: str, value: object, what: str) -> NDArray[Any]:
     """An array of real numbers; TypeError for others, ValueError if they form no array."""
-    if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
-        return value
-    entries = np.asarray(None if isinstance(value, _TEXT) else value, object)
-    floats = np.empty(entries.shape)
-    for place, entry in enumerate(entries.flat):
-        if not is_number(entry):
-            error = ValueError if isinstance(entry, (list, tuple, np.ndarray)) else TypeError
-            raise error(f"{name} must be {what}, got {value!r:.100}")
-        try:
-            floats.flat[place] = float(entry)
-        except OverflowError:
-            floats.flat[place] = np.inf
-    return floats
+    given = array(name, value, what)
+    if given.dtype.kind not in "iuf":
+        raise TypeError(f"{name} must be {what}, got {value!r:.100}")
+    return given
 
 
 def fits(what: str, size: int, **parameters: object) -> None:

@@ -14,9 +14,6 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 
-__all__ = ["erf"]
-
-
 _LARGEST = 6.0
 """erf rounds to 1 from here on."""
 

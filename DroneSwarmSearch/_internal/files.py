@@ -10,8 +10,6 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["StorageError", "check_writable", "replacing", "write_bytes", "write_text"]
-
 
 class StorageError(OSError):
     """A file cannot be written. The message names it and the reason."""

@@ -6,8 +6,6 @@ import shutil
 import sys
 import time
 
-__all__ = ["Progress"]
-
 SILENT = 2.0  # seconds before anything is shown
 REDRAW_EVERY, LINES_EVERY = 0.2, 30.0  # seconds, on a terminal and elsewhere
 WIDTH = 30  # characters in a full bar
@@ -35,8 +33,8 @@ class Progress:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
             self._has_bar = False
 
-    def __call__(self, done: float, note: str = "") -> None:
-        """Show the amount done, and a note, for example the latest figures."""
+    def __call__(self, done: float) -> None:
+        """Show the amount done."""
         now, is_terminal = time.monotonic(), sys.stderr.isatty()
         pause = REDRAW_EVERY if is_terminal else LINES_EVERY
         if not self._shown or now - self._start < SILENT or now - self._last < pause:
@@ -44,7 +42,7 @@ class Progress:
         self._last = now
         share = min(done / self._total, 1.0)
         left = _left((now - self._start) * (1 / share - 1)) if share else "time left unknown"
-        text = f"{share:.0%}, {left}, {note}" if note else f"{share:.0%}, {left}"
+        text = f"{share:.0%}, {left}"
         if is_terminal:
             self._has_bar = True
             bar = f"[{'#' * round(share * WIDTH):{WIDTH}}]"

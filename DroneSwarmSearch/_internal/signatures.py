@@ -6,8 +6,6 @@ import inspect
 from collections.abc import Callable
 from typing import TypeVar
 
-__all__ = ["shows_keywords_of"]
-
 Class = TypeVar("Class", bound=type)
 
 

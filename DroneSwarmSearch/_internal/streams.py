@@ -18,19 +18,6 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Words
 
-__all__ = [
-    "GOLDEN",
-    "EpisodeStream",
-    "Streams",
-    "episode_keys",
-    "mixed",
-    "numbers",
-    "policy_key",
-    "stream_keys",
-    "unit_numbers",
-]
-
-
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 """The counter's increment, close to 2**64 / golden ratio, so that multiples spread evenly."""
 
@@ -101,18 +88,19 @@ class EpisodeStream:
         # The first of some episodes, and the keys and first uniforms of all of them.
         self._heads: tuple[int, Words, list[list[float]]] = 0, self._key[:0], []
         self._episode = -1
+        self._known: list[float] = []
+        self._known_first = 0  # the place of the first of them
 
-    def draw(self, episode: int, count: int) -> list[float]:
-        """The next uniforms of an episode."""
+    def between(self, episode: int, begin: int, end: int) -> list[float]:
+        """The uniforms of an episode from one place to another; `begin` never decreases in it."""
         if episode != self._episode:
             self._begin(episode)
-        return self._between(self._next, self._next + count)
-
-    def row(self, episode: int, index: int, width: int) -> list[float]:
-        """Row number `index`, which never decreases, of an episode's uniforms in rows."""
-        if episode != self._episode:
-            self._begin(episode)
-        return self._between(index * width, (index + 1) * width)
+        if end > self._known_first + len(self._known):
+            places = np.arange(begin, max(end, begin + _CHUNK), dtype=np.uint64)
+            first, keys, _ = self._heads
+            self._known = numbers(keys[[episode - first]], places).tolist()
+            self._known_first = begin
+        return self._known[begin - self._known_first : end - self._known_first]
 
     def _begin(self, episode: int) -> None:
         first, _, heads = self._heads
@@ -121,25 +109,15 @@ class EpisodeStream:
             keys = episode_keys(self._key, np.arange(first, first + _EPISODES, dtype=np.uint64))
             heads = numbers(keys[:, None], np.arange(_FIRST, dtype=np.uint64)).tolist()
             self._heads = first, keys, heads
-        self._known = heads[episode - first]  # from this place on:
-        self._known_first = self._next = 0
+        self._known, self._known_first = heads[episode - first], 0
         self._episode = episode
-
-    def _between(self, begin: int, end: int) -> list[float]:
-        if end > self._known_first + len(self._known):
-            places = np.arange(begin, max(end, begin + _CHUNK), dtype=np.uint64)
-            first, keys, _ = self._heads
-            self._known = numbers(keys[[self._episode - first]], places).tolist()
-            self._known_first = begin
-        self._next = end
-        return self._known[begin - self._known_first : end - self._known_first]
 
 
 class Streams(NamedTuple):
     """The streams of an environment, one for each purpose."""
 
     drift: EpisodeStream  # two uniforms per step and person, for the moves along x and y
-    detection: EpisodeStream  # a row per step with one uniform per person, for searches
+    detection: EpisodeStream  # a uniform per step and person, for searches
     start: EpisodeStream  # a uniform per person, for the hypothesis and the cell at step 0
 
     @classmethod

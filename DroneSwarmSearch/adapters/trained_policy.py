@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 
-__all__ = ["LEAST_LOGIT", "TrainedPolicy", "listed"]
-
 LEAST_LOGIT = -1e9
 """The logit of masked actions; their probability is 0 in float32."""
 

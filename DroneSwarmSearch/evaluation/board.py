@@ -17,8 +17,6 @@ from DroneSwarmSearch.evaluation.tables import percent
 from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.policies import POLICIES
 
-__all__ = ["Leaderboard", "leaderboard"]
-
 
 @dataclass(frozen=True, eq=False)
 class Leaderboard:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from DroneSwarmSearch import policies
-from DroneSwarmSearch._internal.console import printed_warnings
+from DroneSwarmSearch._internal.errors import printed_warnings
 from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
 from DroneSwarmSearch.evaluation import board, exporting, recording, suite
@@ -23,8 +23,6 @@ from DroneSwarmSearch.evaluation.tables import figure, percent, print_table
 from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rules import Ending
-
-__all__ = ["run"]
 
 FAILED, INTERRUPTED = 1, 130  # exit codes; 130 is the shells' code for Ctrl-C
 PACKAGE = Path(__file__).parents[1]

@@ -12,8 +12,6 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch.evaluation.statistics import ROUNDING
 
-__all__ = ["POS_EDGES", "Episodes", "Reliability"]
-
 POS_EDGES = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, math.inf)
 """The edges of the bins: narrow for small values, since most cells have a small probability."""
 

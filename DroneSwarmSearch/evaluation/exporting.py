@@ -23,8 +23,6 @@ from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
-__all__ = ["SUFFIX", "export"]
-
 SUFFIX = ".json"
 
 

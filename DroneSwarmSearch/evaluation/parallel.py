@@ -11,8 +11,6 @@ from typing import Any
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.progress import Progress
 
-__all__ = ["finished"]
-
 
 def finished(
     calls: Sequence[partial[Any]], what: str, workers: int, ray: str | None, progress: bool

@@ -23,8 +23,6 @@ import numpy as np
 from DroneSwarmSearch._internal.files import write_bytes
 from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds
 
-__all__ = ["save", "success_by_search", "success_over_time"]
-
 WIDTH = 5.2  # the width of a plot in inches: narrow, so that its text is legible on a phone
 STYLES = Path(__file__).parent
 

@@ -18,8 +18,6 @@ from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
 
-__all__ = ["PolicySpec"]
-
 
 @dataclass(frozen=True, eq=False)
 class PolicySpec:

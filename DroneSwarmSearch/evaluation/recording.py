@@ -19,8 +19,6 @@ from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.palette import Look
 from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video
 
-__all__ = ["Video", "play", "record"]
-
 HOLD = 3.0  # seconds for which the last picture stays
 GIF_WIDTH = 1000  # pixels at most
 

@@ -22,8 +22,6 @@ from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["Comparison", "Evaluation", "compare", "csv_text", "known_bounds", "save_csv"]
-
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:

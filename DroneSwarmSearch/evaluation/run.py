@@ -22,16 +22,6 @@ from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.planning.bound import SuccessBound, success_bound
 from DroneSwarmSearch.policies import BatchPolicy, SwarmPolicy
 
-__all__ = [
-    "PORTION",
-    "Case",
-    "bounds_of",
-    "check_names",
-    "evaluate",
-    "evaluate_cases",
-    "manifest",
-]
-
 # Episodes played together by a fresh copy of the policy: results are the same for any workers.
 PORTION = 500
 

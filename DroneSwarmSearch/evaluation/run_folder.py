@@ -13,8 +13,6 @@ import numpy as np
 
 from DroneSwarmSearch._internal.files import write_bytes, write_text
 
-__all__ = ["RunFolder", "file_name"]
-
 Result = TypeVar("Result")
 
 MANIFEST, FINISHED = "manifest.json", "finished"  # a file, and the folder of results

@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["ROUNDING", "Estimate", "bounded_mean", "difference", "mean_of"]
-
 Z = 1.959963984540054  # the quantile of the normal distribution for a confidence of 95%
 ROUNDING = 1e-9  # values that differ by less are equal: they are sums of rounded numbers
 _SYMMETRIC = 1e-6  # skewness below this counts as none, since its effect is lost in rounding

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 
 from DroneSwarmSearch.evaluation.statistics import Estimate
 
-__all__ = ["figure", "percent", "print_table", "signed"]
-
 MOST_DECIMALS = 4  # decimals of figures with a narrow interval; those with a wide one have one
 
 

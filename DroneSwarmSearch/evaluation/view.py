@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.layouts import LAYOUTS
 
-__all__ = ["FORMS", "View"]
-
 FORMS = ("swarm", "drone", "parallel")
 
 

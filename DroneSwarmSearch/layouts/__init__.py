@@ -6,7 +6,7 @@ A new layout is a class in a file of this folder, a line in `LAYOUTS`, and a cla
 from __future__ import annotations
 
 from DroneSwarmSearch.layouts.crops import CropsLayout
-from DroneSwarmSearch.layouts.layout import Layout, StackedLayout, remaining_time_fraction
+from DroneSwarmSearch.layouts.layout import Layout, remaining_time_fraction
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
 from DroneSwarmSearch.layouts.whole_matrix import (
     DictLayout,
@@ -17,7 +17,7 @@ from DroneSwarmSearch.layouts.whole_matrix import (
     PlanesLayout,
 )
 
-__all__ = ["JOINT_LAYOUTS", "LAYOUTS", "Layout", "StackedLayout", "remaining_time_fraction"]
+__all__ = ["JOINT_LAYOUTS", "LAYOUTS", "Layout", "remaining_time_fraction"]
 
 LAYOUTS: dict[str, type[Layout]] = {
     "dict": DictLayout,

@@ -14,8 +14,6 @@ from gymnasium import spaces
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch.layouts.layout import Layout, Positions
 
-__all__ = ["LENGTH", "SCALES", "WINDOW", "CropsLayout"]
-
 WINDOW = 5
 """Boxes along each side of a window; odd, so that the drone is in the middle box."""
 

@@ -11,20 +11,9 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Singles
-
-__all__ = [
-    "Layout",
-    "StackedLayout",
-    "mark",
-    "own_first",
-    "remaining_time_fraction",
-    "scaled_matrices",
-    "scaled_positions",
-]
 
 Positions = NDArray[np.integer]
 Observations = Any  # an array, or a dict of arrays
@@ -60,20 +49,6 @@ class Layout(ABC):
             out: an array of the space's dtype and shape, or a dict of such arrays, with axes in
                 front for the searches and the drones; for a joint layout, only for the searches.
         """
-
-
-class StackedLayout(Layout):
-    """The layout of whole swarms that stacks the observations of their drones."""
-
-    def __init__(self, layout: Layout) -> None:
-        super().__init__(layout.grid_size, layout.n_drones)
-        self.layout = layout
-        self.space = batch_space(layout.space, layout.n_drones)
-
-    def write(
-        self, positions: Positions, matrices: Singles, left: Singles, out: Observations
-    ) -> None:
-        self.layout.write(positions, matrices, left, out)
 
 
 def remaining_time_fraction(steps: Any, timestep_limit: int) -> Singles:

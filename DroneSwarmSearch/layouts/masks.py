@@ -14,8 +14,6 @@ from DroneSwarmSearch._internal.arrays import Flags, Ints
 from DroneSwarmSearch.grid import Neighbours
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
 
-__all__ = ["action_masks", "choose_in_turn", "mask_space"]
-
 
 def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -> Flags:
     """Which actions each drone of some swarms is allowed.

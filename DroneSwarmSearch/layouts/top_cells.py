@@ -10,8 +10,6 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch.layouts.layout import Layout, Positions, own_first, scaled_positions
 
-__all__ = ["TopCellsLayout", "likeliest_cells"]
-
 _LOW = np.uint64(2**32 - 1)
 _HALF = np.uint64(32)
 

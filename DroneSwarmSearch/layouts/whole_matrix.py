@@ -18,15 +18,6 @@ from DroneSwarmSearch.layouts.layout import (
     scaled_positions,
 )
 
-__all__ = [
-    "DictLayout",
-    "FlatLayout",
-    "JointDictLayout",
-    "JointFlatLayout",
-    "JointPlanesLayout",
-    "PlanesLayout",
-]
-
 
 class DictLayout(Layout):
     """The layout of `wrappers.DictObservation`."""

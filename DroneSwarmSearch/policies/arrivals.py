@@ -23,8 +23,6 @@ from DroneSwarmSearch.policies.greedy import (
 )
 from DroneSwarmSearch.rules import Action
 
-__all__ = ["BASELINE", "INPUTS", "STEPS", "TURNS", "VIEWS", "Arrivals"]
-
 NEAR, FAR = DISCOUNT, 0.9
 """Factors on success for each step of the way: for the best cell, and for a wider view."""
 

@@ -15,9 +15,6 @@ from DroneSwarmSearch._internal.arrays import Ints, Singles
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
 
-__all__ = ["BatchPolicy", "SwarmPolicy"]
-
-
 _NO_GROUP = -1
 
 

@@ -17,8 +17,6 @@ from DroneSwarmSearch.drift.belief import Belief, mean_over_missing
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["BeliefTracker", "Outlook"]
-
 MOST_SETS = 4096
 """How many sets of found persons are compared with the matrix, smallest first."""
 

@@ -8,8 +8,6 @@ from DroneSwarmSearch import rules
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell
 
-__all__ = ["MOVES", "resolve_conflicts"]
-
 MOVES: dict[Cell, Action] = dict(zip(rules.MOVES, Action, strict=True))
 """The action that moves a drone by (x, y); IDLE by (0, 0)."""
 

@@ -11,8 +11,6 @@ from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.policies.tracks import Rectangle
 
-__all__ = ["REACH", "Datum", "datums_of"]
-
 REACH = 2.0
 """Standard deviations from the datum to each side: 91% of a normal distribution is inside."""
 

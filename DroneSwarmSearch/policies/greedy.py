@@ -22,8 +22,6 @@ from DroneSwarmSearch.policies.conflicts import MOVES
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["ForecastGreedyPolicy", "GreedyPolicy", "PosteriorGreedyPolicy"]
-
 DISCOUNT = 0.7
 """Factor on the value of a success for every step that it comes later."""
 

@@ -33,14 +33,6 @@ from DroneSwarmSearch.policies.tracks import (
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell
 
-__all__ = [
-    "CreepingLinePolicy",
-    "ExpandingSquarePolicy",
-    "ParallelSweepPolicy",
-    "PatternPolicy",
-    "SectorSearchPolicy",
-]
-
 Route = list[Cell]
 
 STEPS_PER_CELL = 2

@@ -12,13 +12,10 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch.grid import grid_of
-from DroneSwarmSearch.planning.plan import Report
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
-
-__all__ = ["Act", "PlannedPolicy", "PlannedSearch", "PlannedStep"]
 
 HORIZON = 500
 """The most steps to plan at once, which bounds time and memory."""
@@ -62,9 +59,7 @@ class PlannedPolicy(SwarmPolicy):
         self._plans: dict[tuple[Any, ...], list[PlannedStep]] = {}
 
     @abstractmethod
-    def plan(
-        self, tracker: BeliefTracker, cells: list[Cell], report: Report | None
-    ) -> list[PlannedStep]:
+    def plan(self, tracker: BeliefTracker, cells: list[Cell]) -> list[PlannedStep]:
         """A plan for the next steps (see `horizon`) from now on; `tracker` must not be updated."""
 
     def begin(self) -> PlannedSearch:
@@ -82,15 +77,13 @@ class PlannedPolicy(SwarmPolicy):
         tracker.update(cells, actions)
         return actions
 
-    def _replan(
-        self, memory: PlannedSearch, cells: list[Cell], report: Report | None = None
-    ) -> None:
+    def _replan(self, memory: PlannedSearch, cells: list[Cell]) -> None:
         """Give a search a plan from its current step on."""
         tracker = memory.tracker
         now = tracker.step, tracker.missing, tuple(cells)
         memory.situations = (*memory.situations, now)
         if memory.situations not in self._plans:
-            plan = self.plan(tracker, cells, report)
+            plan = self.plan(tracker, cells)
             if len(self._plans) == CACHED_PLANS:
                 self._plans.clear()
             self._plans[memory.situations] = plan

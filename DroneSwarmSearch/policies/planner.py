@@ -16,8 +16,6 @@ from DroneSwarmSearch.policies.planned import HORIZON, PlannedPolicy, PlannedSte
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-__all__ = ["PlannerPolicy"]
-
 EARLY_BONUS = 0.01
 """How much more a find in the first step is worth than one in the last, in the choice of paths; of
 several plans, the one with the largest probability of success wins, without the bonus."""
@@ -62,26 +60,19 @@ class PlannerPolicy(PlannedPolicy):
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self._initial = PosteriorGreedyPolicy(scenario), ForecastGreedyPolicy(scenario)
-        self._has_bar = True
 
-    def prepare(self, drones_positions: object, report: Report | None = None) -> None:
-        """Make the first plan now, so that copies and pickles of the policy include it.
-
-        `report` gets the completed fraction of the work, and replaces the progress bar.
-        """
+    def prepare(self, drones_positions: object) -> None:
+        """Make the first plan now, so that copies and pickles of the policy include it."""
         starts = self.scenario.drone_cells(drones_positions)
-        self._has_bar = self._has_bar and report is None
-        self._replan(self.begin(), [self._positions[cell] for cell in starts], report)
+        self._replan(self.begin(), [self._positions[cell] for cell in starts])
 
-    def plan(
-        self, tracker: BeliefTracker, cells: list[Cell], report: Report | None
-    ) -> list[PlannedStep]:
+    def plan(self, tracker: BeliefTracker, cells: list[Cell]) -> list[PlannedStep]:
         initial = [
             self._paths(self.simulated(policy.actions, tracker, cells)[0])
             for policy in self._initial
         ]
-        with Progress("planning", 1.0, self._has_bar and sys.stderr.isatty()) as bar:
-            return self._steps(self._improved(tracker, initial, report or bar))
+        with Progress("planning", 1.0, sys.stderr.isatty()) as bar:
+            return self._steps(self._improved(tracker, initial, bar))
 
     def _improved(
         self, tracker: BeliefTracker, initial: list[list[Path]], report: Report

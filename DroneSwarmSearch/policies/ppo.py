@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +13,12 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch.layouts.masks import choose_in_turn
-from DroneSwarmSearch.planning.plan import Report
 from DroneSwarmSearch.policies.arrivals import INPUTS, TURNS, VIEWS, Arrivals
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy
 from DroneSwarmSearch.policies.planned import Act, PlannedPolicy, PlannedSearch, PlannedStep
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
-
-__all__ = ["DEFAULT_WEIGHTS", "Network", "PPOPolicy"]
-
 
 SAMPLES = 4
 """Simulations with sampled actions before a search."""
@@ -139,7 +135,7 @@ class PPOPolicy(PlannedPolicy):
     ) -> None:
         super().__init__(scenario)
         self._samples = None if samples is None else checks.integer("samples", samples, 0)
-        self._network = _default_network() if weights is None else Network.load(weights)
+        self._network = Network.load(DEFAULT_WEIGHTS if weights is None else weights)
         self._arrivals = Arrivals(scenario.grid_size, scenario.n_drones)
         self._greedy = ForecastGreedyPolicy(scenario)
 
@@ -151,9 +147,7 @@ class PPOPolicy(PlannedPolicy):
         memory.tracker.update(cells, actions)
         return actions
 
-    def plan(
-        self, tracker: BeliefTracker, cells: list[Cell], report: Report | None
-    ) -> list[PlannedStep]:
+    def plan(self, tracker: BeliefTracker, cells: list[Cell]) -> list[PlannedStep]:
         """The most successful simulation of the rest of a search."""
         tracker = copy.deepcopy(tracker)
         # In a coverage mission nobody is found, as in the simulations.
@@ -182,8 +176,3 @@ class PPOPolicy(PlannedPolicy):
         numbers = positions[..., 1] * size + positions[..., 0]
         actions: list[int] = choose_in_turn(logits[None], numbers, size)[0][0].tolist()
         return actions
-
-
-@lru_cache(maxsize=1)
-def _default_network() -> Network:
-    return Network.load(DEFAULT_WEIGHTS)

@@ -11,8 +11,6 @@ from DroneSwarmSearch.policies.base import BatchPolicy
 from DroneSwarmSearch.rules import Action, neighbours_of_all
 from DroneSwarmSearch.scenario import Scenario
 
-__all__ = ["RandomPolicy"]
-
 
 class RandomPolicy(BatchPolicy):
     """Chooses each drone's action uniformly among the safe ones.

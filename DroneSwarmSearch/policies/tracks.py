@@ -17,17 +17,6 @@ from typing import NamedTuple
 
 from DroneSwarmSearch.scenario import Cell
 
-__all__ = [
-    "Point",
-    "Rectangle",
-    "cells_along",
-    "expanding_square",
-    "parallel_legs",
-    "parts_of",
-    "sector_search",
-    "strips_of",
-]
-
 Point = tuple[float, float]
 
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from DroneSwarmSearch.rendering.painter import Painter
     from DroneSwarmSearch.rendering.window import Window
 
-__all__ = ["Display"]
-
 
 class Display:
     """Renders frames of one grid size, in the window at most `fps` per second.

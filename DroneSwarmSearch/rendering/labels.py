@@ -5,8 +5,6 @@ from __future__ import annotations
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["outcome_in_brief", "percent", "signed", "tick_stride"]
-
 
 def outcome_in_brief(frame: Frame) -> str:
     """How an episode ended, in a few words; empty before its end."""

@@ -23,8 +23,6 @@ from DroneSwarmSearch.rendering.search_map import (
 from DroneSwarmSearch.rendering.sprites import fitted_line, write
 from DroneSwarmSearch.rules import Ending
 
-__all__ = ["Painter", "to_array"]
-
 # The views, with about the side of a map in pixels: what drones observe; prior and posterior.
 SIDES = {"matrix": 720, "both": 660}
 GAP = 6  # between the map's margin and the panel, in pixels

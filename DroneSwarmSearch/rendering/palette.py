@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PALETTES", "Colour", "Look", "Palette", "readable_on", "shares_of_maximum"]
-
 Colour = tuple[int, int, int]
 
 # The page.

@@ -24,8 +24,6 @@ from DroneSwarmSearch.rendering.palette import (
 )
 from DroneSwarmSearch.rendering.sprites import text_line, write
 
-__all__ = ["draw_panel", "panel_size"]
-
 WIDTH, LEAST_HEIGHT = 232, 704
 HEADING, SMALL, BODY, LARGE = 18, 19, 22, 42  # font sizes
 

@@ -11,8 +11,6 @@ from typing import NamedTuple
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
-__all__ = ["KeyHelp", "Player", "Recording", "Score"]
-
 SLOWEST, FASTEST = 0.25, 8.0  # factors on the steps per second
 STEP_RATE = 8.0  # steps per second at which single steps and moves by hand are drawn
 

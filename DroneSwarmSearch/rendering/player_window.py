@@ -13,8 +13,6 @@ from DroneSwarmSearch.rendering.player import KeyHelp, Player, Score
 from DroneSwarmSearch.rendering.sprites import text_line, write
 from DroneSwarmSearch.rendering.window import Window
 
-__all__ = ["PlayerWindow"]
-
 PICTURES_PER_SECOND = 30
 
 LONGEST_PAUSE = 0.1

@@ -30,8 +30,6 @@ from DroneSwarmSearch.rendering.palette import (
 from DroneSwarmSearch.rendering.sprites import text_line, write
 from DroneSwarmSearch.rules import Ending, is_success
 
-__all__ = ["BOTTOM", "LEFT", "RIGHT", "TOP", "SearchMap", "outcome_colour"]
-
 # Lengths are in pixels, unless stated otherwise. A share is one of a cell's side.
 LEFT, TOP, RIGHT, BOTTOM = 46, 42, 22, 24  # margins; the first two hold the coordinates
 WHOLE_MOST = 48  # of grids with more cells along a side than this, only a part may be shown

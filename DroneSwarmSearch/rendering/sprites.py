@@ -25,20 +25,6 @@ from DroneSwarmSearch.rendering.palette import (
     readable_on,
 )
 
-__all__ = [
-    "body_share",
-    "collision",
-    "compass",
-    "drone",
-    "fitted_line",
-    "found",
-    "person",
-    "search_ring",
-    "searched",
-    "text_line",
-    "write",
-]
-
 # Sizes in pixels from which a drone has an outline, rotors and blades, and a person a life ring
 # and a body.
 OUTLINE_FROM, ROTORS_FROM, BLADES_FROM = 13, 18, 60

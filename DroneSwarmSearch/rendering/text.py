@@ -15,8 +15,6 @@ from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.labels import percent, signed, tick_stride
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
-__all__ = ["print_frames", "render_text"]
-
 # From probability 0 to the matrix's maximum; differs from the marks, to be readable behind them.
 RAMP = ".:;=oO%#@"
 SEARCHING, TOGETHER, MISSING, FOUND = "*+PF"

@@ -19,8 +19,6 @@ from DroneSwarmSearch.frame import Frame
 if TYPE_CHECKING:
     from DroneSwarmSearch.rendering.painter import Painter
 
-__all__ = ["FPS_LEAST", "FPS_MOST", "SUFFIXES", "write_pictures", "write_video"]
-
 SUFFIXES = (".gif", ".mp4")
 FPS_LEAST, FPS_MOST = 0.1, 50.0  # the range of steps per second; a GIF cannot show more
 SMOOTH = 25.0  # pictures per second of smooth motion

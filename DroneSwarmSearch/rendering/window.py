@@ -9,8 +9,6 @@ import pygame
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering.palette import PAPER, Look
 
-__all__ = ["Window"]
-
 DESKTOP_SHARE = 0.92  # taken by a window too large for the desktop; the rest is for title bars
 HIDDEN_DRIVERS = ("dummy", "offscreen")
 

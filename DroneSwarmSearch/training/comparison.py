@@ -14,8 +14,6 @@ from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.rules import Ending
 from DroneSwarmSearch.scenario import resolve_scenario
 
-__all__ = ["TRAINING_TASK", "compare_with_baselines"]
-
 TRAINING_TASK: dict[str, Any] = {
     "grid_size": 10,
     "n_drones": 2,

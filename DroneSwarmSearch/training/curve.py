@@ -11,8 +11,6 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 
-__all__ = ["log_row", "moving_mean", "plot_curve", "read_columns"]
-
 
 def log_row(path: str | Path, **values: float) -> None:
     """Append a row of named columns, the same each time, to a CSV file, and print it."""

@@ -19,8 +19,6 @@ from DroneSwarmSearch.policies.arrivals import STEPS, Arrivals
 from DroneSwarmSearch.rules import Action, neighbours_of_all
 from DroneSwarmSearch.scenario import Scenario
 
-__all__ = ["ExpectedSearches"]
-
 
 class ExpectedSearches:
     """Searches with one grid size, number of drones and time limit, stepped together.

@@ -33,8 +33,6 @@ from DroneSwarmSearch.scenario import (
 )
 from DroneSwarmSearch.vector.world import BatchState, Catalogue
 
-__all__ = ["Sampler", "SearchBatch"]
-
 Situations = Sequence[Sequence[Person] | Person]
 
 Sampler = Callable[[np.random.Generator], Mapping[str, Any]]

@@ -6,20 +6,12 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector.utils import create_empty_array
+from gymnasium.vector.utils import batch_space, create_empty_array
 
 from DroneSwarmSearch._internal.arrays import Ints
-from DroneSwarmSearch.layouts import (
-    JOINT_LAYOUTS,
-    LAYOUTS,
-    Layout,
-    StackedLayout,
-    remaining_time_fraction,
-)
+from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, remaining_time_fraction
 from DroneSwarmSearch.layouts.masks import action_masks, mask_space
 from DroneSwarmSearch.vector.engine import SearchBatch
-
-__all__ = ["BatchObservations"]
 
 Observations = Any  # an array, or a dict of arrays
 
@@ -55,9 +47,9 @@ class BatchObservations:
         options = {"k": top_cells, "name": "top_cells"} if name == "top-cells" else {}
         layouts = JOINT_LAYOUTS if joint and name in JOINT_LAYOUTS else LAYOUTS
         self._layout: Layout = layouts[name](self._size, scenario.n_drones, **options)
-        if joint and name not in JOINT_LAYOUTS:
-            self._layout = StackedLayout(self._layout)
         self.space: spaces.Space[Any] = self._layout.space
+        if joint and name not in JOINT_LAYOUTS:
+            self.space = batch_space(self.space, scenario.n_drones)
         self._positions = None  # the entry for positions, if no matrices are written
         if not write_matrices:
             self._positions = "positions" if joint else "position"
@@ -67,7 +59,6 @@ class BatchObservations:
         if masks is not None:
             mask = mask_space(scenario.n_drones if joint else None)
             self.space = spaces.Dict({"observation": self.space, "action_mask": mask})
-        self._scratch = np.empty((0, self._size, self._size), np.float32)
 
     def empty(self, swarms: int) -> Observations:
         """New arrays for the observations of this many swarms."""
@@ -91,16 +82,11 @@ class BatchObservations:
             out[self._positions][...] = positions.reshape(out[self._positions].shape)
             out["matrix_index"][...] = batch.table_index[which].repeat(self._each)
             return
-        if rows is not None:
-            matrices = batch.matrices_of(rows)
-        elif self._shows_matrices:
+        if rows is None and self._shows_matrices:
             matrices = out["probability_matrix"]
             batch.write_matrices(matrices)
         else:
-            if not len(self._scratch):
-                self._scratch = np.empty((batch.num_rows, self._size, self._size), np.float32)
-            matrices = self._scratch
-            batch.write_matrices(matrices)
+            matrices = batch.matrices_of(np.arange(batch.num_rows)[which])
         left = remaining_time_fraction(batch.steps[which], self._limit)
         if not self._joint:  # the layouts of drones have an axis for the swarms and one for these
             shape = len(cells), self._each

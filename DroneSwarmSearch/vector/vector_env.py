@@ -23,8 +23,6 @@ from DroneSwarmSearch.rules import Action, Ending, successes
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations, Observations
 
-__all__ = ["DroneVectorEnv", "SearchVectorEnv", "SwarmVectorEnv"]
-
 Values = Any  # an array with a first axis for the sub-environments
 Infos = dict[str, Any]
 
