@@ -191,7 +191,7 @@ def situations(hypotheses: int, count: int, posterior: bool = False) -> Callable
 def of_tracks(size: Size, num_envs: int) -> Run:
     """A batch of persons made of 30,000 tracks, which drift and diffuse."""
     rng = np.random.default_rng(3)
-    moves = rng.normal((0.05, 0.02), 0.3, (TIMESTEP_LIMIT + 1, 30_000, 2)).clip(-1, 1)
+    moves = rng.normal((0.05, 0.02), 0.1, (TIMESTEP_LIMIT + 1, 30_000, 2)).clip(-1, 1)
     moves[0] = rng.normal(size.grid_size / 2, size.grid_size / 15, (30_000, 2))
     tracks = Tracks(moves.cumsum(axis=0).clip(-0.4, size.grid_size - 0.6))
     return batch_with_matrices(size, num_envs, bayesian_update=True, situations=[[Person(tracks)]])
