@@ -21,17 +21,24 @@ import csv
 import math
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.drift.persons import MAX_DIFFUSION, Drift, Person, warn_of_mass_beyond
+from DroneSwarmSearch.drift.persons import (
+    MAX_DIFFUSION,
+    Drift,
+    Person,
+    warn_of_mass_beyond,
+)
 from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.drift.tables import displaced
 
 __all__ = [
     "CLASSES",
@@ -47,7 +54,7 @@ Pair = tuple[float, float]
 KNOT = 1852 / 3600
 """One knot in m/s."""
 
-_PARTS = 64
+_PARTS = 32
 """Of the time adrift, in which objects may jibe."""
 
 _FEWEST_JIBES, _MOST_JIBES = 0.01, 50.0
@@ -86,14 +93,6 @@ class LeewaySpeeds(NamedTuple):
     right_sd: float
     left: float
     left_sd: float
-
-
-class _Hypothesis(NamedTuple):
-    """The mean drift and its standard deviation, (x, y) in cells per step, and the weight."""
-
-    vector: Pair
-    vector_sd: Pair
-    weight: float
 
 
 @dataclass(frozen=True)
@@ -210,8 +209,8 @@ def person(
     *,
     start: Pair,
     position_sd: float = 0.0,
-    wind: Pair,
-    current: Pair = (0.0, 0.0),
+    wind: Pair | Mapping[float, Pair],
+    current: Pair | Mapping[float, Pair] = (0.0, 0.0),
     diffusivity: float = 5.0,
     adrift: float = 0.0,
     jibing: float = 0.04,
@@ -226,14 +225,15 @@ def person(
     The result has one hypothesis for each side of the wind, or three for each side where the wind
     is oblique to the axes and the errors downwind and crosswind differ much. If the object is
     adrift for 15 minutes or more, another one for each side stands for objects that have jibed.
-    In a calm there is no leeway, and a single hypothesis. Wind and current are constant::
+    In a calm there is no leeway, and a single hypothesis. Wind and current are constant, or vary
+    in time::
 
         person = leeway.person(
             "PIW-1",
             start=(30, 30),
             position_sd=500,
             wind=leeway.wind_from(240, 20 * leeway.KNOT),
-            current=(0.1, 0.2),
+            current={0: (0.1, 0.2), 3 * 3600: (-0.1, -0.2)},
             adrift=3600,
             scale=Scale.for_drone(speed=10, swath=130),
         )
@@ -243,8 +243,10 @@ def person(
         start: the last known position, a cell (x, y); real numbers, also outside the grid, if
             `position_sd` or `adrift` is positive.
         position_sd: its standard deviation along each axis, in metres.
-        wind: at a height of 10 m, in m/s, (east, north): where it blows to; see `wind_from`.
-        current: in m/s, (east, north): where it flows to; see `current_towards`.
+        wind: at a height of 10 m, in m/s, (east, north): where it blows to; see `wind_from`. Or a
+            mapping of seconds from the last known position to winds, linear in between, and
+            constant before the first and after the last one.
+        current: in m/s, (east, north): where it flows to; see `current_towards`. Or a mapping.
         diffusivity: of the turbulent sea, in m²/s; usually 1 to 10.
         adrift: seconds from the last known position to the search, rounded to whole steps.
         jibing: how often the object changes the side of the wind, per hour, from 0 to 1. Jibes
@@ -269,40 +271,28 @@ def person(
         raise TypeError(f"scale must be a Scale, got {scale!r}")
     if hypotheses_per_side is not None:
         checks.integer("hypotheses_per_side", hypotheses_per_side, 1, 9)
-    steps = scale.whole_steps(checks.real("adrift", adrift, 0))
     per_hour = checks.real("jibing", jibing, 0, 1)
-    position_sd = scale.cells(checks.real("position_sd", position_sd, 0))
-    diffusion = _diffusion(diffusivity, scale)
-    winds = checks.pair("wind", wind), checks.pair("current", current)
-
-    def drift(start: Pair, start_sd: float | Pair, hypothesis: _Hypothesis, share: float) -> Drift:
-        vector, vector_sd, weight = hypothesis
-        leeway = math.dist(vector, scale.vector(winds[1]))
-        return Drift(
-            start,
-            start_sd=start_sd,
-            vector=vector,
-            vector_sd=vector_sd,
-            diffusion=min(diffusion + per_hour * leeway, MAX_DIFFUSION),
-            adrift=steps,
-            weight=weight * share,
-        )
-
-    sides = _hypotheses(kind, *winds, scale, 1)
-    jibes = min(per_hour * scale.seconds(steps) / 3600, _MOST_JIBES)
-    if len(sides) == 1 or jibes < _FEWEST_JIBES:
+    known = Drift(
+        start,
+        start_sd=scale.cells(checks.real("position_sd", position_sd, 0)),
+        diffusion=_diffusion(diffusivity, scale),
+        adrift=scale.whole_steps(checks.real("adrift", adrift, 0)),
+    )
+    winds, currents = _in_each_step(scale, wind=wind, current=current)
+    hypotheses = partial(_hypotheses, kind, winds, currents, scale, known, per_hour)
+    jibes = min(per_hour * scale.seconds(known.adrift) / 3600, _MOST_JIBES)
+    if jibes < _FEWEST_JIBES or not winds.any():
         jibes = 0.0
-    drifts = [
-        drift(start, position_sd, each, math.exp(-jibes))
-        for each in _hypotheses(kind, *winds, scale, hypotheses_per_side)
-    ]
-    for side, other in (sides, sides[::-1]) if jibes else ():
-        apart = np.linspace(0, steps, _PARTS + 1)[:, None] * np.subtract(other.vector, side.vector)
-        shift, shift_sd = _after_jibes(apart, jibes)
-        place = np.add(checks.pair("start", start), shift)
-        start_sd = np.hypot(position_sd, shift_sd)
-        drifts.append(drift(place.tolist(), start_sd.tolist(), side, -math.expm1(-jibes)))
-    fastest = max(abs(speed) for drift in drifts for speed in drift.vector)
+    drifts = hypotheses(math.exp(-jibes), hypotheses_per_side)
+    if jibes:
+        sides = hypotheses(-math.expm1(-jibes), 1)
+        times = np.linspace(0, known.adrift, _PARTS + 1)[:, None]
+        paths = [displaced(np.asarray(side.vector), times) for side in sides]
+        for side, path, other in zip(sides, paths, paths[::-1], strict=True):
+            shift, shift_sd = _after_jibes(other - path, jibes)
+            place, start_sd = np.add(known.start, shift), np.hypot(known.start_sd, shift_sd)
+            drifts.append(replace(side, start=tuple(place), start_sd=tuple(start_sd)))
+    fastest = max(np.abs(np.asarray(drift.vector)).max() for drift in drifts)
     if fastest > 1.0:
         warnings.warn(
             f"the mean drift is {fastest:.3g} cells per step along an axis, and persons move at "
@@ -353,20 +343,34 @@ def _diffusion(diffusivity: object, scale: Scale) -> float:
     return diffusion
 
 
-def _after_jibes(apart: Floats, jibes: float) -> tuple[Floats, Floats]:
-    """The displacement of objects that have jibed, from one that is always on their last side.
+def _in_each_step(scale: Scale, **series: Any) -> list[Floats]:
+    """The wind and the current in the middle of each step, (T, 2); (1, 2) for a constant one."""
+    given = []
+    for name, value in series.items():
+        points = value if isinstance(value, Mapping) else {0.0: value}
+        what = f"a time of {name}, in seconds from the last known position,"
+        times = sorted(checks.real(what, time, -1e7, 1e7) for time in points)  # four months
+        count = None if len(times) > 1 else 1
+        given.append((count, times, np.array([checks.pair(name, points[time]) for time in times])))
+    last = max(scale.whole_steps(times[-1]) for _, times, _ in given)
+    middles = scale.seconds_per_step * (np.arange(max(last, 0) + 1) + 0.5)
+    return [
+        np.stack([np.interp(middles[:count], times, column) for column in points.T], axis=-1)
+        for count, times, points in given
+    ]
 
-    Jibes are a Poisson process. So the object, b expected jibes before the end, is on the other
-    side with the probability (1 - exp(-2 b))/2, and if it is, it also was g expected jibes
-    earlier with (1 + exp(-2 g))/2.
+
+def _after_jibes(apart: Floats, jibes: float) -> tuple[Floats, Floats]:
+    """The mean and the standard deviation of the shift of objects that have jibed, (x, y).
+
+    The shift is from where an object is that was always on their last side. Jibes are a Poisson
+    process: b expected jibes before the end, the object is on the other side with the probability
+    (1 - exp(-2 b))/2, and if so, it also was g expected jibes earlier with (1 + exp(-2 g))/2.
 
     Args:
         apart: how far an object that is always on the other side is from one that is always on
             this one, at regular times from the start to the end: shape (n + 1, 2).
-        jibes: the expected number of jibes within these times.
-
-    Returns:
-        The mean and the standard deviation along each axis, given that there is a jibe.
+        jibes: how many are expected; there is at least one.
     """
     parts = np.diff(apart, axis=0)
     before_end = np.arange(len(parts) - 0.5, 0, -1) * (jibes / len(parts))
@@ -378,54 +382,69 @@ def _after_jibes(apart: Floats, jibes: float) -> tuple[Floats, Floats]:
 
 
 def _hypotheses(
-    kind: ObjectClass, wind: Pair, current: Pair, scale: Scale, count: int | None
-) -> list[_Hypothesis]:
-    """The hypotheses about objects that have not jibed; those on the right come first."""
-    speed = checks.real("the speed of wind", math.hypot(*wind), 0, _FASTEST)
-    if speed == 0.0:
-        return [_Hypothesis(scale.vector(current), (0.0, 0.0), 1.0)]
-    speeds = kind.speeds(speed)
-    east, north = wind[0] / speed, wind[1] / speed
+    kind: ObjectClass,
+    winds: Floats,
+    currents: Floats,
+    scale: Scale,
+    known: Drift,
+    jibing: float,
+    share: float,
+    count: int | None,
+) -> list[Drift]:
+    """The hypotheses about objects on either side of the wind, the right one first.
+
+    `share` is the sum of their weights, and `count` how many there are on each side, or None.
+    """
+    lengths = np.hypot(*winds.T)
+    checks.real("the speed of wind", float(lengths.max()), 0, _FASTEST)
+    grid = scale.seconds_per_step / scale.metres_per_cell * np.array([1.0, -1.0])
+    if not lengths.any():
+        return [replace(known, vector=currents * grid, weight=share)]
+    downwind = winds / np.where(lengths, lengths, 1.0)[:, None]
+    rightward = downwind[:, ::-1] * (1, -1)  # (east, north) turned to (north, -east)
+    speeds = np.array([kind.speeds(each) if each else (0.0,) * 6 for each in lengths.tolist()])
+    along, along_sd, *sides = speeds.T[..., None]
     found = []
-    for cross, cross_sd in ((speeds.right, speeds.right_sd), (speeds.left, speeds.left_sd)):
-        # Downwind is (east, north), and to the right of it is (north, -east).
-        mean_east = current[0] + speeds.downwind * east + cross * north
-        mean_north = current[1] + speeds.downwind * north - cross * east
-        along, across = speeds.downwind_sd**2, cross_sd**2
-        variances = along * east**2 + across * north**2, along * north**2 + across * east**2
-        covariance = (along - across) * east * north
-        for shift, deviation, weight in _spread(*variances, covariance, count):
-            velocity = mean_east + shift[0], mean_north + shift[1]
-            per_metre = scale.seconds_per_step / scale.metres_per_cell
-            per_step = deviation[0] * per_metre, deviation[1] * per_metre
-            found.append(_Hypothesis(scale.vector(velocity), per_step, weight / 2))
+    for across, across_sd in (sides[:2], sides[2:]):
+        mean = currents + along * downwind + across * rightward
+        # Stands for jibes during the search, and for places within cells.
+        spread = jibing * float(np.hypot(*((mean - currents) * grid).T).mean())
+        diffusion = min(known.diffusion + spread, MAX_DIFFUSION)
+        # An object's two errors are its own for life: their displacements are vectors.
+        errors = np.cumsum([along_sd * downwind, across_sd * rightward], axis=1)
+        for shift, deviation, weight in _spread(errors, count):
+            vector = (mean + np.diff(shift, axis=0, prepend=0.0)) * grid
+            vector_sd = np.diff(deviation, axis=0, prepend=0.0) * np.abs(grid)
+            varying = {"vector": vector, "vector_sd": vector_sd, "diffusion": diffusion}
+            found.append(replace(known, **varying, weight=weight / 2 * share))
     return found
 
 
-def _spread(
-    east: float, north: float, both: float, count: int | None
-) -> list[tuple[Pair, Pair, float]]:
-    """A normal velocity as a mixture of `count` normal ones with independent components.
+def _spread(errors: Floats, count: int | None) -> list[tuple[Floats, Floats, float]]:
+    """A normal displacement as a mixture of `count` normal ones with independent components.
 
     The correlated part of the covariance is a single vector. The means lie along it with binomial
     weights, so that mean and covariance of the mixture are exact, and the components overlap.
-    Returned is each one's shift, standard deviations, and weight.
+    Returned is each one's shift and standard deviations after each step, (T, 2), and weight.
+
+    `errors` are the displacements after each step by one standard deviation of either error,
+    (2, T, 2).
     """
-    sd = math.sqrt(east), math.sqrt(north)
-    correlation = both / (sd[0] * sd[1]) if both else 0.0
+    sd = np.hypot(*errors)
+    both, squares = errors.prod(axis=2).sum(axis=0), sd.prod(axis=1)
+    correlation = both / np.where(both, squares, 1.0)
     if count is None:
-        count = 3 if abs(correlation) > _NEGLIGIBLE_CORRELATION else 1
-    if count == 1 or not correlation:
-        return [((0.0, 0.0), sd, 1.0)]
-    along = math.sqrt(abs(correlation))
-    alone = math.sqrt(max(1.0 - abs(correlation), 0.0))
-    unit = along * sd[0], math.copysign(along, correlation) * sd[1]
+        count = 3 if np.abs(correlation).max() > _NEGLIGIBLE_CORRELATION else 1
+    if count == 1 or not correlation.any():
+        return [(0.0 * sd, sd, 1.0)]
+    alone = np.sqrt(np.maximum(1.0 - np.abs(correlation), 0.0))[:, None] * sd
+    unit = np.sqrt(np.abs(correlation))[:, None] * sd
+    unit[:, 1] *= np.sign(correlation)
     mixture = []
     for place in range(count):
         node = (2 * place - (count - 1)) / math.sqrt(count - 1)
         weight = math.comb(count - 1, place) / 2 ** (count - 1)
-        shift = node * unit[0], node * unit[1]
-        mixture.append((shift, (alone * sd[0], alone * sd[1]), weight))
+        mixture.append((node * unit, alone, weight))
     return mixture
 
 

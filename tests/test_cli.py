@@ -341,7 +341,7 @@ def test_bounds_are_shown_and_read_from_the_folder(capsys, bounds, tmp_path):
     assert lines[2].split()[:2] == ["random", "pond"]
     assert f"{share:.1f} ({low:.1f}-{high:.1f})" in lines[2] and " 50.0 " in lines[2]
     assert f"{got.time.value:.1f} ({got.time.low:.1f}-{got.time.high:.1f})" in lines[2]
-    assert lines[4].startswith("20 episodes of each search, seeds from 0, suite v1")
+    assert lines[4].startswith("20 episodes of each search, seeds from 0, suite v2")
     (row,) = csv.DictReader((tmp_path / "random.csv").read_text("utf-8").splitlines())
     assert (row["bound"], float(row["share_of_bound"])) == ("0.5", share / 50)
     assert len(bounds) == 2

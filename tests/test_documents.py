@@ -17,6 +17,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 from helpers import few_pictures
 from trainer_examples import QUIET_RAY
@@ -121,6 +122,8 @@ def test_python_block(block, tmp_path, monkeypatch):
     """Every block runs in an empty folder and prints what the page shows."""
     for package in block.optional_packages:
         skip_without(package)
+    if '"drift.nc"' in block.text:
+        write_drift(tmp_path / "drift.nc")
     if block.optional_packages:  # a separate process, because libraries leave threads running
         printed = run_python(["-c", block.text], tmp_path, 5 * TIMEOUT)
     else:
@@ -132,6 +135,20 @@ def test_python_block(block, tmp_path, monkeypatch):
     assert printed.strip()
     if block.output is not None:
         assert printed.rstrip() == block.output.rstrip()
+
+
+def write_drift(path: Path) -> None:
+    """The file of a drift simulation: from noon, two hours to the east, where some strand."""
+    from test_track_files import write  # skips the test without netCDF4
+
+    rng = np.random.default_rng(0)
+    hours, metres = np.arange(13) / 6, np.array([55_800, 111_400])  # in a degree
+    velocity = rng.normal((900, 0), 200, (8000, 1, 2))
+    away = rng.normal(0, 500, velocity.shape) + velocity * hours[:, None]
+    ashore = away[..., 0] > 2500
+    away[ashore & np.roll(ashore, 1, axis=1)] = np.nan
+    units = "hours since 2026-01-01 12:00"
+    write(path, (4.8, 60.0) + away / metres, hours, status=ashore, units=units)
 
 
 def skip_without(package: str) -> None:

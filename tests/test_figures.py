@@ -175,10 +175,20 @@ def test_the_model_page_states_how_far_opendrift_is_from_the_map() -> None:
         )
 
     assert len({row["object_class"] for row in rows if row["quantity"] == "spread"}) == 9
-    for hours, percent in ((1, 1), (6, 7)):
+    for hours, percent in ((1, 3), (6, 7)):
         ours, theirs = of("spread", hours).T
         assert np.abs(theirs / ours - 1).max() < percent / 100
     excess = {hours: float(np.diff(of("distance", hours)).mean()) for hours in (1, 6)}
     assert f"by {excess[1]:.3f} on average after one hour and by {excess[6]:.3f} after six" in page
     forecast, found = of("success").T
-    assert (np.abs(forecast - found - 0.02) < 0.01).all()  # "about two points"
+    assert (np.abs(forecast - found - 0.015) < 0.01).all()  # up to two points
+
+
+def test_the_model_page_states_what_plans_find_off_a_coast() -> None:
+    page = (DOCS / "model.md").read_text("utf-8")
+    with (COMMITTED / "opendrift-coast.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 4
+    for row in rows:
+        shares = " | ".join(f"{float(row[name]):.1%}" for name in ("forecast", "found"))
+        assert f"| `{row['person']}` | `{row['policy']}` | {shares} |" in page

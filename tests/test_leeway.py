@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+from collections.abc import Callable
+from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from DroneSwarmSearch import Drift, Person, Scale, leeway
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scale, Scenario, leeway
+from DroneSwarmSearch.policies import make
 
 NAN, INF = math.nan, math.inf
 SCALE = Scale(130, 13)
@@ -205,49 +208,71 @@ def test_metres_and_seconds_become_cells_and_steps():
     assert {drift.adrift for drift in person.drifts} == {277}
 
 
-# Jibing.
+# Jibing, and winds and currents that vary in time.
 
 
-def jibing_objects(
-    kind: leeway.ObjectClass, wind: tuple[float, float], hours: float, rate: float, count: int
+def drifted(
+    kind: leeway.ObjectClass, wind_at: Callable[[float], Any], hours: float, rate: float, count: int
 ) -> np.ndarray:
-    """Positions (east, north) in metres of objects that now and then change sides."""
-    rng, speeds = np.random.default_rng(7), kind.speeds(math.hypot(*wind))
-    downwind = np.array(wind) / math.hypot(*wind)
+    """Positions (east, north) in metres of objects of the full model, in steps of six minutes."""
+    rng = np.random.default_rng(7)
     errors = rng.normal(size=(2, count))  # for life
-    along = speeds.downwind + speeds.downwind_sd * errors[0]
-    right, left = (
-        along[:, None] * downwind + across[:, None] * (downwind[::-1] * (1, -1))
-        for across in (
-            speeds.right + speeds.right_sd * errors[1],
+    positions, on_left = np.zeros((count, 2)), rng.random(count) < 0.5
+    for time in np.arange(0.05, hours, 0.1):
+        wind = np.array(wind_at(time))
+        downwind = wind / math.hypot(*wind)
+        speeds = kind.speeds(math.hypot(*wind))
+        along = speeds.downwind + speeds.downwind_sd * errors[0]
+        across = np.where(
+            on_left,
             speeds.left + speeds.left_sd * errors[1],
+            speeds.right + speeds.right_sd * errors[1],
         )
-    )
-    positions, on_left, rest = np.zeros((count, 2)), rng.random(count) < 0.5, np.full(count, hours)
-    while (rest > 0).any():
-        until = np.minimum(rng.exponential(1 / rate, count), rest)
-        positions += 3600 * until[:, None] * np.where(on_left[:, None], left, right)
-        rest, on_left = rest - until, ~on_left
+        rightward = downwind[::-1] * (1, -1)
+        positions += 360 * (along[:, None] * downwind + across[:, None] * rightward)
+        on_left ^= rng.random(count) < -math.expm1(-0.1 * rate)
     return positions
 
 
-@pytest.mark.parametrize(("name", "hours"), [("SKIFF-4", 2), ("PIW-4", 12), ("SPORT-BOAT", 60)])
-def test_a_person_jibes_like_the_full_model(name, hours):
+def veering(hours: float) -> tuple[float, float]:
+    """A wind that grows and turns by some 120 degrees in twelve hours."""
+    return 9 - hours, -3 - 0.8 * hours
+
+
+@pytest.mark.parametrize("rate", [0, 0.04])
+@pytest.mark.parametrize(
+    ("name", "hours", "wind_at"),
+    [
+        ("SKIFF-4", 2, lambda hours: (5.0, -9.0)),
+        ("PIW-4", 12, veering),
+        ("SKIFF-1", 9, veering),
+        ("SPORT-BOAT", 60, lambda hours: (5.0, -9.0)),
+    ],
+)
+def test_a_person_drifts_and_jibes_like_the_full_model(name, hours, wind_at, rate):
     """When the search begins, mean and variances are those of simulated objects."""
-    usual = {**USUAL, "wind": (5.0, -9.0), "adrift": 3600 * hours, "diffusivity": 0.0}
-    objects = jibing_objects(leeway.CLASSES[name], usual["wind"], hours, 0.04, 100_000)
-    person = leeway.person(name, **usual)
-    weights, tau = np.array(person.weights), person.drifts[0].adrift
-    means = np.array([np.add(d.start, np.multiply(tau, d.vector)) for d in person.drifts])
-    spreads = [
-        np.square(d.start_sd) + np.square(np.multiply(tau, d.vector_sd)) for d in person.drifts
-    ]
-    mean = weights @ means
-    variance = weights @ (spreads + (means - mean) ** 2)
+    winds = {3600 * hour: wind_at(hour) for hour in (0, 12)}  # linear in between
+    changes = {"wind": winds, "adrift": 3600 * hours, "diffusivity": 0.0, "jibing": rate}
+    objects = drifted(leeway.CLASSES[name], wind_at, hours, rate, 20_000)
     truth = 30 + objects * (1, -1) / SCALE.metres_per_cell
     size = truth.std(axis=0).max()
-    np.testing.assert_allclose(mean, truth.mean(axis=0), atol=0.02 * size)
-    np.testing.assert_allclose(variance, truth.var(axis=0), atol=0.03 * size**2)
+    for per_side in (1, 3):
+        person = leeway.person(name, **{**USUAL, **changes}, hypotheses_per_side=per_side)
+        forecasts = [moved(drift) for drift in person.drifts]
+        weights, means, spreads = person.weights, *map(np.array, zip(*forecasts, strict=True))
+        mean = np.array(weights) @ means
+        variance = np.array(weights) @ (spreads**2 + (means - mean) ** 2)
+        np.testing.assert_allclose(mean, truth.mean(axis=0), atol=0.03 * size)
+        np.testing.assert_allclose(variance, truth.var(axis=0), atol=0.05 * size**2)
+
+
+def moved(drift: Drift) -> tuple[np.ndarray, np.ndarray]:
+    """The mean position and its standard deviation when the search begins, without diffusion."""
+    sums = []
+    for each in (drift.vector, drift.vector_sd):
+        rows = np.atleast_2d(each)
+        sums.append(rows[np.minimum(np.arange(drift.adrift), len(rows) - 1)].sum(axis=0))
+    return drift.start + sums[0], np.hypot(drift.start_sd, sums[1])
 
 
 def test_objects_that_have_jibed_are_hypotheses_of_their_own():
@@ -272,6 +297,77 @@ def test_without_jibes_there_are_only_the_sides(changes):
     assert len(leeway.person("PIW-1", **{**usual, **changes}).drifts) == (
         1 if "wind" in changes else 2
     )
+
+
+def test_a_series_is_linear_between_its_times():
+    """Each step has the value in its middle; it is constant before the first and after the last."""
+    scale, calm = Scale(100, 10), {"start": (30, 30), "wind": (0, 0)}
+    currents = {20: (1, 0), 40: (3, -2)}
+    (drift,) = leeway.person("PIW-1", **calm, current=currents, scale=scale).drifts
+    rows = [(0.1, 0), (0.1, 0), (0.15, 0.05), (0.25, 0.15), (0.3, 0.2)]
+    np.testing.assert_allclose(drift.vector, rows, atol=1e-15)
+    constant = leeway.person("PIW-1", **USUAL, current=(0.1, 0.2), adrift=3600)
+    one_time = {"wind": {900: USUAL["wind"]}, "current": {7200: (0.1, 0.2)}}
+    assert leeway.person("PIW-1", **{**USUAL, **one_time}, adrift=3600) == constant
+    tide = leeway.person("PIW-1", **USUAL, current=currents, adrift=3600)
+    assert [each.vector_sd for each in tide.drifts] == [each.vector_sd for each in constant.drifts]
+
+
+TIDE = {3600 * hour: (0.6 * math.cos(2 * math.pi * (hour + 1) / 12.4), 0.0) for hour in range(6)}
+
+
+def in_the_tide(seconds: np.ndarray, count: int) -> np.ndarray:
+    """Positions (east, north) in metres of objects "PIW-3": shape (times, count, 2)."""
+    rng = np.random.default_rng(1)
+    speeds, errors = leeway.CLASSES["PIW-3"].speeds(6.0), rng.normal(size=(2, count))
+    right = speeds.right + speeds.right_sd * errors[0], speeds.left + speeds.left_sd * errors[0]
+    across = np.where(rng.random(count) < 0.5, *right)
+    velocity = np.stack([across, speeds.downwind + speeds.downwind_sd * errors[1]], axis=-1)
+    east = np.interp(np.arange(seconds[-1] + 1), list(TIDE), [east for east, _ in TIDE.values()])
+    carried = np.cumsum(east)[seconds.astype(int)]
+    strays = np.diff(seconds, prepend=0.0)[:, None, None] ** 0.5 * rng.normal(
+        0, 2, (len(seconds), count, 2)
+    )
+    strays[0] += rng.normal(0, 200, (count, 2))
+    positions = seconds[:, None, None] * velocity + np.cumsum(strays, axis=0)
+    positions[..., 0] += carried[:, None]
+    return positions
+
+
+@pytest.mark.parametrize(("current", "gap"), [(TIDE, (0, 0.03)), (None, (0.3, 0.5))])
+def test_in_a_tide_that_turns_plans_keep_what_they_promise(current, gap):
+    """The search is at slack water. With the mean current, plans miss half of the objects."""
+    scale, size, steps, adrift = Scale.for_drone(speed=10, swath=150), 41, 240, 3 * 3600
+    seconds = adrift + scale.seconds_per_step * np.arange(steps)
+    objects = in_the_tide(seconds, 5000) * (1, -1) / scale.metres_per_cell
+    start = size // 2 - objects[steps // 2].mean(axis=0)
+    hours = np.arange(0, seconds[-1] / 3600, 0.01)
+    person = leeway.person(
+        "PIW-3",
+        start=start,
+        position_sd=200,
+        wind=(0, 6),
+        current=current or (0.6 * np.cos(2 * np.pi * (hours + 1) / 12.4).mean(), 0.0),
+        diffusivity=2,
+        adrift=adrift,
+        jibing=0,
+        scale=scale,
+        probability_of_detection=0.8,
+    )
+    scenario = Scenario(size, 2, persons=[person], timestep_limit=steps, mission="coverage")
+    env, policy = DroneSwarmSearch(scenario=scenario), make("greedy-posterior", scenario)
+    observations, infos = env.reset(seed=0, drones_positions=[(19, 20), (21, 20)])
+    missed = np.ones(len(objects[0]))
+    for positions in objects:
+        cells, actions = np.floor(start + positions + 0.5), policy(observations)
+        for drone, action in actions.items():
+            if action == Action.SEARCH:
+                here = (cells == observations[drone]["observation"][0]).all(axis=1)
+                missed[here] *= 1 - person.probability_of_detection
+        observations, *_, infos = env.step(actions)
+    least, most = gap
+    assert least <= infos["probability_of_success"] - (1 - missed.mean()) <= most
+    assert infos["probability_of_success"] > 0.85
 
 
 def test_even_a_month_adrift_has_a_forecast():
@@ -352,6 +448,9 @@ def test_an_unknown_class_names_the_nearest_ones(name, nearest):
         ({"wind": 10}, TypeError, "wind must be two finite numbers"),
         ({"wind": (2000, 0)}, ValueError, "the speed of wind must .*at most 1000.0, got 2000"),
         ({"scale": (130, 13)}, TypeError, r"scale must be a Scale, got \(130, 13\)"),
+        ({"wind": {datetime(2026, 1, 1): (5, 0)}}, TypeError, "time of wind, in seconds .* got da"),
+        ({"wind": {1.7e9: (5, 0)}}, ValueError, "time of wind, in seconds from .* got 1700000000"),
+        ({"current": {0: 5}}, TypeError, "current must be two finite numbers"),
         ({"jibing": 4}, ValueError, "jibing must .*at most 1, got 4"),
         ({"hypotheses_per_side": 0}, ValueError, "hypotheses_per_side must .*from 1 to 9, got 0"),
         ({"grid_size": 61}, ValueError, "grid_size and timestep_limit must be given together"),

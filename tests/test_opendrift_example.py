@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import re
+from datetime import datetime, timedelta
 from types import ModuleType
 
 import numpy as np
 import pytest
 from trainer_examples import module, run
 
-from DroneSwarmSearch import leeway
+from DroneSwarmSearch import Scale, leeway
 
 pytest.importorskip("opendrift")
 
@@ -77,3 +78,46 @@ def test_a_plan_for_tracks_finds_what_it_promises_in_an_eddy_off_a_coast() -> No
     assert (constant, tracks) == ("leeway.person", "Person(tracks)")
     assert float(promised[0]) - float(promised[1]) > 15
     assert 80 < float(found) < float(forecast) < float(found) + 6
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("name", ["PIW-1", "SKIFF-1"])
+def test_a_person_in_a_tide_and_a_wind_that_turns_drifts_like_opendrift(name: str) -> None:
+    from opendrift.models.leeway import Leeway
+    from opendrift.readers import reader_timeseries
+
+    hours, start = range(13), datetime(2026, 1, 1)
+    winds = {3600 * hour: (9 - 1.2 * hour, -3 - 0.5 * hour) for hour in hours}
+    phases = 2 * np.pi * np.array(hours) / 12.4
+    tide = {3600 * h: (0.5 * np.cos(phases[h]), 0.1 * np.sin(phases[h])) for h in hours}
+    sea = dict(zip(("x_wind", "y_wind"), np.transpose(list(winds.values())), strict=True))
+    currents = np.transpose(list(tide.values()))
+    sea |= zip(("x_sea_water_velocity", "y_sea_water_velocity"), currents, strict=True)
+    times = {"time": [start + timedelta(hours=hour) for hour in hours]}
+    model = Leeway(loglevel=50)
+    model.add_reader(reader_timeseries.Reader({**times, **sea, "land_binary_mask": np.zeros(13)}))
+    numbers = {row["OBJKEY"]: number for number, row in model.leewayprop.items()}
+    place = {"lon": 0.0, "lat": 0.0, "radius": 250.0, "time": start, "number": 20_000}
+    np.random.seed(0)
+    model.seed_elements(**place, object_type=numbers[name], jibe_probability=0.04)
+    steps = {"time_step": 600, "time_step_output": 3600, "export_variables": ["lon", "lat"]}
+    model.run(duration=timedelta(hours=12), **steps)
+    degrees = np.stack([model.result.lon.values.T, model.result.lat.values.T], axis=-1)
+    scale, known = Scale(130, 13), {"start": (0.0, 0.0), "position_sd": 250, "diffusivity": 0}
+    for hour in (3, 6, 9, 12):
+        sea_at = {"wind": winds, "current": tide, "adrift": 3600 * hour, "scale": scale}
+        person = leeway.person(name, **known, **sea_at)
+        means, squares = [], []
+        for drift in person.drifts:
+            sums = []
+            for series in (drift.vector, drift.vector_sd):
+                rows = np.atleast_2d(series)
+                sums.append(rows[np.minimum(np.arange(drift.adrift), len(rows) - 1)].sum(axis=0))
+            means.append(drift.start + sums[0])
+            squares.append(np.square(drift.start_sd) + sums[1] ** 2)
+        mean = np.average(means, axis=0, weights=person.weights)
+        variances = np.array(squares) + np.square(means - mean)
+        deviation = np.sqrt(np.average(variances, axis=0, weights=person.weights))
+        cells = degrees[hour] * (111_319.5, -110_574.4) / scale.metres_per_cell
+        np.testing.assert_allclose(mean, cells.mean(axis=0), atol=0.03 * deviation.max())
+        np.testing.assert_allclose(deviation, cells.std(axis=0), rtol=0.02)

@@ -107,7 +107,7 @@ def tracked(*folders: str) -> set[str]:
 
 def test_the_wheel_contains_only_the_packages(built):
     path = built / f"{NAME}-py3-none-any.whl"
-    assert path.stat().st_size < MEGABYTE
+    assert path.stat().st_size < 6 * MEGABYTE  # mostly tracks of the suite
     with zipfile.ZipFile(path) as wheel:
         held = set(wheel.namelist())
     info = {
@@ -119,7 +119,7 @@ def test_the_wheel_contains_only_the_packages(built):
 
 def test_the_sdist_contains_the_sources_and_the_tests(built):
     path = built / f"{NAME}.tar.gz"
-    assert path.stat().st_size < 1.5 * MEGABYTE
+    assert path.stat().st_size < 7 * MEGABYTE
     with tarfile.open(path) as sdist:
         names = [PurePosixPath(member.name) for member in sdist.getmembers() if member.isfile()]
     held = {name.relative_to(NAME).as_posix() for name in names}

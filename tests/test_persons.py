@@ -15,10 +15,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import DroneSwarmSearch
 from DroneSwarmSearch import Drift, Person
 
 NAN, INF = math.nan, math.inf
 PRIOR = np.arange(9.0).reshape(3, 3)
+TIDE = Drift((3, 4), start_sd=1, vector={0: (0.4, 0), 4: (-0.4, 0.2)}, adrift=2, diffusion=0.1)
 UNCERTAIN = Drift((3.5, -2), start_sd=(1, 2), vector=(0.1, 0.2), vector_sd=0.05, diffusion=0.1)
 
 
@@ -55,6 +57,10 @@ def test_an_array_is_copied_normalised_and_read_only():
         (Drift(PRIOR), Drift((PRIOR * 7).tolist())),
         (Drift(PRIOR), Drift(np.asfortranarray(PRIOR))),
         (Drift([[0.0, 1], [1, 1]]), Drift([[-0.0, 1], [1, 1]])),
+        (Drift((3, 4), vector=[(1, 2)] * 3), Drift((3, 4), vector={5: (1, 2)})),
+        (Drift((3, 4), vector=[(1, 2)] * 3), Drift((3, 4), vector=(1, 2))),
+        (Drift((3, 4), vector_sd=np.full((3, 2), 2)), Drift((3, 4), vector_sd=2)),
+        (TIDE, dataclasses.replace(TIDE, vector=[*TIDE.vector.tolist(), (-0.4, 0.2)])),
         (Person(UNCERTAIN), Person([UNCERTAIN], 1)),
         (Person(Drift(PRIOR)), Person((Drift(PRIOR),))),
     ],
@@ -63,8 +69,33 @@ def test_equal_values_in_other_forms_are_equal(one, other):
     assert one == other and hash(one) == hash(other)
 
 
+def test_a_series_has_a_row_for_each_step_until_the_last_change():
+    rows = [(0.4, 0), (0.2, 0.05), (0, 0.1), (-0.2, 0.15), (-0.4, 0.2)]
+    np.testing.assert_allclose(TIDE.vector, rows, atol=1e-15)
+    with pytest.raises(ValueError, match="read-only"):
+        TIDE.vector[0, 0] = 1
+    assert "vector=<array of shape (5, 2)>, vector_sd=(0.0, 0.0)" in repr(TIDE)
+    late = Drift((3, 4), vector={2: (1, 0), 3: (0, 1)}, vector_sd=[(1, 0), (-1, 2), (-1, 2)])
+    assert late.vector.tolist() == [[1, 0], [1, 0], [1, 0], [0, 1]]
+    assert late.vector_sd.tolist() == [[1, 0], [-1, 2]]
+
+
+def test_the_vector_of_a_person_is_that_of_the_first_step_of_the_search():
+    assert TIDE.first_vector == pytest.approx((0, 0.1))
+    assert Drift((3, 4), vector=TIDE.vector, adrift=99).first_vector == (-0.4, 0.2)
+    person = Person([TIDE, Drift((0, 0), vector=(0.2, 0.1), weight=3)])
+    assert person.vector == pytest.approx((0.15, 0.1))
+
+
 @pytest.mark.parametrize(
-    "changes", [{"start": (3.5, -1)}, {"vector_sd": (0.05, 0)}, {"adrift": 1}, {"weight": 2}]
+    "changes",
+    [
+        {"vector": [(0.1, 0.2), (0.1, 0)]},
+        {"start": (3.5, -1)},
+        {"vector_sd": (0.05, 0)},
+        {"adrift": 1},
+        {"weight": 2},
+    ],
 )
 def test_other_values_are_different(changes):
     other = Drift(**{**UNCERTAIN.to_dict(), **changes})
@@ -74,7 +105,7 @@ def test_other_values_are_different(changes):
     assert UNCERTAIN != (3.5, -2)
 
 
-@pytest.mark.parametrize("drift", [Drift((3, 4)), UNCERTAIN, Drift(PRIOR + 0.1, weight=3)])
+@pytest.mark.parametrize("drift", [Drift((3, 4)), UNCERTAIN, TIDE, Drift(PRIOR + 0.1, weight=3)])
 def test_copies_and_files_are_equal(drift):
     person = Person([drift, UNCERTAIN], 0.3)
     for copied in (
@@ -82,7 +113,7 @@ def test_copies_and_files_are_equal(drift):
         copy.deepcopy(person),
         pickle.loads(pickle.dumps(person)),
         Person.from_dict(json.loads(json.dumps(person.to_dict()))),
-        eval(repr(person), {"Person": Person, "Drift": Drift}) if drift.prior is None else person,
+        person if "array" in repr(person) else eval(repr(person), vars(DroneSwarmSearch)),
     ):
         assert copied == person and hash(copied) == hash(person)
         assert copied.drifts[0].prior is None or not copied.drifts[0].prior.flags.writeable
@@ -161,6 +192,9 @@ def test_the_share_beyond_the_grid_is_a_mean_over_priors_and_hypotheses():
     assert Drift(one_hot, **common).mass_beyond(3, 4) == pytest.approx(cells[5].mass_beyond(3, 4))
     person = Person([Drift((1, 1)), Drift((1, 1), vector=(1, 0), weight=3)])
     assert person.mass_beyond(3, 2) == 0.75
+    there_and_back = Drift((1, 1), start_sd=0.1, vector=[(1, 0)] * 4 + [(-1, 0)] * 4 + [(0, 0)])
+    shares = [there_and_back.mass_beyond(3, step) for step in (0, 4, 8, 99)]
+    assert shares == pytest.approx([0, 1, 0, 0], abs=1e-5)
 
 
 @pytest.mark.parametrize("huge", [1e150, 1e308])
@@ -183,6 +217,14 @@ DRIFTS: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"start_sd": (1,)}, ValueError, "start_sd must be a number"),
     ({"start_sd": (1, -2)}, ValueError, "start_sd must be .*at least 0, got -2"),
     ({"vector_sd": -0.1}, ValueError, "vector_sd must be .*at least 0, got -0.1"),
+    ({"vector": [(0, 0), (1, NAN)]}, ValueError, "vector must be one vector, or vectors"),
+    ({"vector": [(0, 0), (1, 2, 3)]}, ValueError, "vector must be one vector, or vectors"),
+    ({"vector": np.zeros((4, 3))}, ValueError, "vector must be one vector, or vectors"),
+    ({"vector": []}, ValueError, "vector must be two finite numbers"),
+    ({"vector": {}}, ValueError, "vector must be one vector, or vectors"),
+    ({"vector": {0.5: (0, 0)}}, TypeError, "a step of vector must be an integer .*got 0.5"),
+    ({"vector": {2: 1}}, TypeError, r"vector\[2\] must be two finite numbers"),
+    ({"vector_sd": [(-1, 0)] * 2}, ValueError, r"vector_sd must be .*at least 0, got -1"),
     ({"diffusion": 0.7}, ValueError, "diffusion must be .* at most 0.666.*, got 0.7"),
     ({"weight": 0}, ValueError, "weight must be a finite number above 0, got 0"),
 ]

@@ -22,7 +22,16 @@ UNCERTAINTIES: list[dict] = [
     {"vector_sd": (0.1, 0.0)},
     {"start_sd": (0.4, 0.0), "adrift": 3},
     {"start": (-3.25, 14.5), "start_sd": 2, "vector_sd": 0.02, "adrift": 10},
+    {"vector": {0: (0.4, 0), 30: (-0.5, 0.2)}},
+    {"vector": [(0.4, 0.1), (3, -0.2), (-0.6, 0)], "start_sd": 1, "adrift": 20},
+    {"vector": {0: (0, 0.3), 50: (0.4, 0)}, "vector_sd": [(0.1, 0)] * 30 + [(-0.1, 0.2)] * 40},
 ]
+
+
+def displacement(rates: float | tuple[float, ...], tau: int) -> float:
+    if not isinstance(rates, tuple):
+        return rates * tau
+    return math.fsum(rates[min(step, len(rates) - 1)] for step in range(tau))
 
 
 def plain_cdfs(size: int, drift: Drift, axis: int, steps: int) -> np.ndarray:
@@ -31,8 +40,9 @@ def plain_cdfs(size: int, drift: Drift, axis: int, steps: int) -> np.ndarray:
     rows: list[list[float]] = []
     for t in range(steps + 1):
         tau = adrift + t
-        mean = min(max(start + velocity * tau, 0), size - 1)
-        deviation = math.sqrt(start_sd**2 + diffusion * tau + (velocity_sd * tau) ** 2)
+        mean = min(max(start + displacement(velocity, tau), 0), size - 1)
+        by_drift = displacement(velocity_sd, tau)
+        deviation = math.sqrt(start_sd**2 + diffusion * tau + by_drift**2)
 
         def phi(edge: float, mean: float = mean, deviation: float = deviation) -> float:
             if deviation == 0:
@@ -86,6 +96,7 @@ MIXTURE = Person(
         Drift((2, 3), start_sd=1, vector=(0.2, 0.1), vector_sd=0.05, diffusion=0.1, weight=3),
         Drift((8, 8), vector=(-0.4, 0), diffusion=0.4),
         Drift(prior(11), vector=(0.1, -0.3), vector_sd=0.02, diffusion=0.2, weight=0.5),
+        Drift(prior(11), vector={0: (0.3, 0.1), 40: (-0.3, 0)}, diffusion=0.2, weight=0.5),
     ]
 )
 PERSONS = [*map(Person, separable_drifts()), MIXTURE, Person(MIXTURE.drifts[2])]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from DroneSwarmSearch import Drift, Person, Scale, Scenario, cli, priors
+from DroneSwarmSearch import Drift, Person, Scale, Scenario, Tracks, cli, priors
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate, search
 
 LANE = Scenario(
@@ -48,6 +50,25 @@ def test_a_file_may_hold_a_named_search(tmp_path: Path) -> None:
     assert search(str(path)) == wanted
 
 
+def test_a_file_of_tracks_is_relative_to_the_search(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    positions = np.cumsum(rng.uniform(-0.5, 0.5, (11, 400, 2)), axis=0) + 4
+    Tracks(positions).save(tmp_path / "lane.npz")
+    digest = Tracks.read(tmp_path / "lane.npz").to_dict()["sha256"]
+    person = {"tracks": {"file": "lane.npz", "sha256": digest}, "fine": 1}
+    text = json.dumps({"grid_size": 9, "timestep_limit": 10, "persons": [person]})
+    (tmp_path / "lane.json").write_text(text, "utf-8")
+    shutil.copytree(tmp_path, tmp_path / "elsewhere")
+    found, copied = (search(str(tmp_path / part / "lane.json")) for part in ("", "elsewhere"))
+    assert found.scenario == copied.scenario
+    assert found.data != copied.data
+    assert found.fingerprint == copied.fingerprint
+    assert Scenario.from_dict(json.loads(json.dumps(found.scenario.to_dict()))) == found.scenario
+    Tracks(positions + 1).save(tmp_path / "lane.npz")
+    with pytest.raises(ValueError, match=r"lane\.json: persons\[0\]: .* it has changed"):
+        search(str(tmp_path / "lane.json"))
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -57,6 +78,7 @@ def test_a_file_may_hold_a_named_search(tmp_path: Path) -> None:
         ('{"drones_positions": 3}', "drones_positions must be a list of cells, got 3"),
         ('{"drones_positions": [[1, 1], [1, 1]]}', "drones_positions must hold different cells"),
         ('{"drones_positions": [[1, 1]], "n_drones": 2}', "must hold 2 cells"),
+        ('{"persons": [{"tracks": {"file": "a.npz", "sha256": ""}}]}', "there is no .*a.npz"),
         ('{"scale": {"metres": 3}}', "unexpected keyword argument 'metres'"),
     ],
 )

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from helpers import module_at
 
-from DroneSwarmSearch.evaluation import SUITE, NamedSearch, search
+from DroneSwarmSearch import Tracks, policies
+from DroneSwarmSearch.evaluation import SUITE, NamedSearch, evaluate, search, suite
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, as_named
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import SearchBatch
@@ -28,16 +29,21 @@ FINGERPRINTS = {
     "night": "e70739bad001496757cb9e747f49c89d51d7f31e6c6773a2807667d6b7307bec",
     "overdue": "77589ef1ada09d4def073346084119bfa712cf4d6a012e4d08870dce8470aa11",
     "fleet": "469e91d0d04ae9296a6ef1d9dfeba9e6ca4df1b2afb4facbffe74d4d3f4f2bcc",
+    "tide": "3a3c0f770893b23ab3dacfb5670eb10e7fac2c99f38cb4942c522c1005b1af0b",
+    "eddy": "7b25a961216f2d1ac57dd4900e1d9e25f9084b41fa23cb9fc3a9f928e5957256",
+    "coast": "adda3895cfac73655774369f69486411d7c4df107aa09bf965d26ee8fd8d2a6c",
 }
 """If these change, results are no longer comparable: make a new version of the suite."""
 
-maker = module_at(Path(__file__).parents[1] / "docs" / "make_suite.py")
+DOCS = Path(__file__).parents[1] / "docs"
+maker = module_at(DOCS / "make_suite.py")
+simulator = module_at(DOCS / "make_tracks.py")
 
 TWO_DRONES = Scenario(5, n_drones=2, person_initial_position=(2, 2), timestep_limit=9)
 
 
 def test_the_suite_never_changes():
-    assert SUITE_VERSION == "v1"
+    assert SUITE_VERSION == "v2"
     assert {name: each.fingerprint for name, each in SUITE.items()} == FINGERPRINTS
     assert list(SUITE) == list(FINGERPRINTS)  # tables keep their order
 
@@ -60,6 +66,35 @@ def test_every_search_can_be_played_and_has_a_reason(name):
     assert [tuple(cell) for cell in batch.positions[0].tolist()] == list(each.drones)
 
 
+def test_files_of_tracks_are_read_when_a_search_is_used(monkeypatch):
+    def refuse(*_):
+        raise LookupError("read")
+
+    monkeypatch.setattr(Tracks, "from_dict", refuse)
+    fresh = module_at(Path(suite.__file__))
+    assert list(fresh.SUITE) == list(FINGERPRINTS)
+    assert fresh.search("pond").fingerprint == FINGERPRINTS["pond"]
+    with pytest.raises(LookupError):
+        fresh.search("tide")
+
+
+@pytest.mark.parametrize("name", list(simulator.SCENES))
+def test_new_tracks_of_the_script_are_where_those_of_the_suite_are(name):
+    found = search(name)
+    (person,) = found.scenario.situation
+    assert (len(person.tracks), person.tracks.steps) == (simulator.TRACKS, simulator.STEPS)
+    assert (found.scenario.grid_size, found.scale) == (simulator.GRID_SIZE, simulator.SCALE)
+    count = 1000
+    new = simulator.simulate(simulator.SCENES[name], count, seed=1)
+    for step in range(0, simulator.STEPS + 1, 35):
+        ours, theirs = person.tracks.positions[step], new.positions[step]
+        error = 5 * ours.std(axis=0) / count**0.5
+        assert (abs(ours.mean(axis=0) - theirs.mean(axis=0)) < error).all()
+    policy = policies.make("greedy-posterior", found.scenario)
+    promised = evaluate(policy, found, episodes=1).success.value
+    assert new.found(policy, drones_positions=found.drones) == pytest.approx(promised, abs=0.06)
+
+
 def test_an_outline_has_the_main_parameters():
     assert search("fog").outline == (
         "20 x 20 cells; 4 drones; 1 person; probability of detection 0.4; 100 steps"
@@ -68,6 +103,7 @@ def test_an_outline_has_the_main_parameters():
         "30 x 30 cells of 200 m; 3 drones; 2 persons with up to 2 hypotheses; "
         "probability of detection 0.94, 0.51; 150 steps of 10 s (25 minutes)"
     )
+    assert "; 4 drones; 1 person from 30,000 tracks; probability" in search("eddy").outline
 
 
 def test_an_unknown_name_suggests_similar_names():

@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 import re
 import sys
+import tempfile
+import time
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from DroneSwarmSearch import Person, Scale, Scenario, Tracks
 
@@ -40,9 +44,10 @@ def write(
     status: Any = None,
     flags: dict[str, Any] = FLAGS,
     names: tuple[str, str, str] = ("lon", "lat", "time"),
+    standard_names: bool = True,
     order: tuple[str, str] = ("trajectory", "time"),
     dtype: str = "f4",
-    **time: Any,
+    **attributes: Any,
 ) -> Path:
     """Write positions in degrees, (elements, times, 2), as OpenDrift 1.14 does or as stated."""
     degrees = np.array(tracks, np.float64)
@@ -52,14 +57,16 @@ def write(
         data.createDimension("trajectory", len(degrees))
         data.createDimension("time", len(seconds))
         variable = data.createVariable(when, "f8", ("time",))
-        variable.standard_name = "time"
-        time = {"units": "seconds since 2026-06-01 12:00", "calendar": "standard", **time}
-        variable.setncatts({key: value for key, value in time.items() if value})
+        if standard_names:
+            variable.standard_name = "time"
+        of_time = {"units": "seconds since 2026-06-01 12:00", "calendar": "standard", **attributes}
+        variable.setncatts({key: value for key, value in of_time.items() if value})
         variable[:] = seconds
         for name, standard, axis in ((longitude, "longitude", 0), (latitude, "latitude", 1)):
             fill = np.nan if dtype[0] == "f" else -(2**31)
             variable = data.createVariable(name, dtype, order, fill_value=fill)
-            variable.standard_name = standard
+            if standard_names:
+                variable.standard_name = standard
             if dtype[0] == "i":
                 variable.scale_factor = 1e-7
             values = np.ma.masked_invalid(degrees[..., axis])
@@ -114,6 +121,29 @@ def test_positions_between_the_times_of_the_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(y, 4, atol=1e-4)
 
 
+@given(
+    times=st.lists(st.integers(0, 7200), min_size=2, max_size=9, unique=True).map(sorted),
+    start=st.floats(0, 1),
+    seconds=st.integers(10, 2000),
+)
+def test_positions_are_interpolated(times: list[int], start: float, seconds: int) -> None:
+    begin = int(times[0] + start * (times[-1] - times[0]))
+    expected_steps = (times[-1] - begin) // seconds
+    assume(expected_steps > 0)
+    degrees = np.random.default_rng(0).uniform(-0.01, 0.01, (3, len(times), 2)) + ORIGIN
+    with tempfile.TemporaryDirectory() as folder:
+        path = write(Path(folder) / "a.nc", degrees, times, dtype="f8")
+        scale = Scale(2000, seconds)
+        tracks = read(path, scale=scale, start=NOON + timedelta(seconds=begin))
+    assert tracks.steps == expected_steps
+    at = begin + seconds * np.arange(tracks.steps + 1)
+    for element in range(3):
+        x = np.interp(at, times, degrees[element, :, 0] - ORIGIN[0]) * 27.9
+        y = np.interp(at, times, ORIGIN[1] - degrees[element, :, 1]) * 55.7
+        found = tracks.positions[:, element]
+        np.testing.assert_allclose(found, np.stack([x, y], axis=1), atol=0.001)
+
+
 @pytest.mark.parametrize(
     ("start", "steps", "first"),
     [
@@ -132,11 +162,25 @@ def test_start_and_steps(
     np.testing.assert_allclose(tracks.positions, whole[: tracks.steps + 1], atol=1e-9)
 
 
+@pytest.mark.skipif(not hasattr(time, "tzset"), reason="Windows has no tzset")
+def test_times_are_utc_on_any_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "a.nc", [DRIFTING])
+    expected = read(path, start=NOON + timedelta(hours=1))
+    with monkeypatch.context() as patch:
+        patch.setenv("TZ", "America/New_York")
+        time.tzset()
+        tracks = read(path, start=NOON + timedelta(hours=1))
+    time.tzset()
+    assert tracks == expected
+
+
 @pytest.mark.parametrize(
     "layout",
     [
         {"order": ("time", "trajectory")},
         {"names": ("x", "y", "t")},
+        {"standard_names": False},
+        {"names": ("longitude", "latitude", "time"), "standard_names": False},
         {"dtype": "i4"},
         {"dtype": "f8", "names": ("longitude", "latitude", "time")},
         {"seconds": HOURS / 86400, "units": "days since 2026-06-01 12:00:00"},

@@ -33,7 +33,15 @@ TWO_SIDES = Person(
 )
 ON_A_LINE = Person(Drift(DIAGONAL, vector=(0.1, 0), diffusion=0.2), 0.6)
 KNOWN = Person(Drift((6, 6), vector=(0.2, -0.1), diffusion=0.3))
+IN_A_TIDE = Person(
+    [
+        Drift((4, 6), start_sd=1, vector={0: (0.4, 0), 20: (-0.4, 0.1)}, diffusion=0.1, adrift=4),
+        Drift((6, 6), vector=(0.3, 0.1), vector_sd=[(0.1, 0)] * 9 + [(-0.1, 0.1)], diffusion=0.2),
+    ],
+    0.7,
+)
 SITUATIONS = {
+    "a tide": [IN_A_TIDE],
     "two sides": [TWO_SIDES],
     "an array": [ON_A_LINE],
     "three persons": [TWO_SIDES, ON_A_LINE, KNOWN],

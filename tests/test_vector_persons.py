@@ -30,10 +30,13 @@ SIZES = {"grid_size": 6, "n_drones": 2, "timestep_limit": 15}
 def random_drift(rng: random.Random, size: int) -> Drift:
     known: dict[str, Any] = {
         "vector": (rng.choice([0, 0.3, -0.5, 1.0, -2.5, 1e6]), rng.choice([0, 0.2, -0.0])),
-        "vector_sd": rng.choice([0.0, 0.05, (0.1, 0.0), (0.2, 0.3)]),
+        "vector_sd": rng.choice([0.0, 0.05, (0.1, 0.0), (0.2, 0.3), [(0.2, 0.1), (-0.1, 0)]]),
         "diffusion": rng.choice([0.0, 0.1, 0.3, 2 / 3]),
         "weight": rng.choice([1, 2, 0.3, 1e-3]),
     }
+    if rng.random() < 0.3:
+        turns = rng.randint(1, 12), rng.randint(13, 30)
+        known["vector"] = {0: (0.4, 0), **{step: (rng.uniform(-1, 1), 0.1) for step in turns}}
     kind = rng.choice(["prior", "cell", "uncertain", "adrift"])
     if kind == "prior":
         prior = np.array([[rng.choice([0, 0, 0, 1, 2.5]) for _ in range(size)] for _ in "x" * size])

@@ -230,22 +230,20 @@ def _class_labels(tracks: Tracks, classes: int) -> Ints:
 
 
 class ChainForecasts(Forecasts):
-    """`Chain` for many rows: those with one model and at one step drift together."""
+    """`Chain` for many rows: those with one model and at the same step drift together."""
 
     def drift(self, mass: Floats, entries: Ints) -> None:
-        different = np.unique(entries)
-        for (model, step), entry in zip(self._each(different), different, strict=True):
-            assert isinstance(model, Chain)
-            layers, rows, columns = model.state_shape
-            who: Any = (entries == entry).nonzero()[0] if len(different) > 1 else slice(None)
-            own = mass[:layers, : rows * columns, who]
-            flat, now = own.reshape(layers * rows * columns, -1), model.transitions(step)
-            flow = flat.take(now.sources, 0)
-            flow *= now.chances[:, None]
-            total, first = flow[: now.into[0]], now.into[0]
-            for count in now.into[1:]:  # in the order of `Chain.forward`
-                total[:count] += flow[first : first + count]
-                first += count
-            after = np.zeros_like(flat)
-            after[now.targets[: now.into[0]]] = total
-            mass[:layers, : rows * columns, who] = after.reshape(own.shape)
+        model, step = self._each(entries[:1])[0]
+        if len(mass) != model.state_shape[0] or (entries != entries[0]).any():
+            super().drift(mass, entries)
+            return
+        assert isinstance(model, Chain)
+        flat, now = mass.reshape(-1, len(entries)), model.transitions(step)
+        flow = flat.take(now.sources, 0)
+        flow *= now.chances[:, None]
+        first, total = now.into[0], flow[: now.into[0]]
+        for count in now.into[1:]:  # in the order of `Chain.forward`
+            total[:count] += flow[first : first + count]
+            first += count
+        flat[...] = 0.0
+        flat[now.targets[: now.into[0]]] = total

@@ -330,9 +330,11 @@ class Forecasts:
 
     def drift(self, mass: Floats, entries: Ints) -> None:
         """Let mass, (M, L, n) and C-contiguous, drift by a step from its entries, in place."""
-        for row, (model, step) in enumerate(self._each(entries)):
-            own = mass[: model.state_shape[0], : model.layer, row]
+        rows = np.ascontiguousarray(np.moveaxis(mass, -1, 0))
+        for row, (model, step) in zip(rows, self._each(entries), strict=True):
+            own = row[: model.state_shape[0], : model.layer]
             own[...] = model.drift(own.reshape(model.state_shape), step).reshape(own.shape)
+        mass[...] = np.moveaxis(rows, 0, -1)
 
     # States and cells.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from typing import Any, NamedTuple
@@ -34,14 +34,16 @@ MASS_BEYOND = 0.01
 
 _SAMPLED_STEPS = 33
 
+Vector = tuple[float, float] | Floats | Mapping[int, tuple[float, float]]
+
 
 class AxisDrift(NamedTuple):
     """The part of a `Drift` along one axis, on a grid without borders; hashable."""
 
     start: float | None  # None for an array
     start_sd: float
-    velocity: float
-    velocity_sd: float
+    velocity: float | tuple[float, ...]  # or one for each step
+    velocity_sd: float | tuple[float, ...]
     diffusion: float
     adrift: int
 
@@ -57,6 +59,12 @@ class Drift:
 
         Drift((20, 20), start_sd=3, vector=(0.2, -0.1), vector_sd=0.05, diffusion=0.1)
 
+    A drift that varies in time, such as a tide, has a vector for each step. Their sum over the
+    first tau steps takes the place of vector * tau. Steps count from the start of the drift, so
+    the first ones are those adrift::
+
+        Drift((20, 20), start_sd=3, vector={0: (0.3, 0), 100: (-0.3, 0)}, diffusion=0.1, adrift=50)
+
     Two drifts are equal if their values are, whichever form the values were given in.
 
     Attributes:
@@ -68,8 +76,13 @@ class Drift:
             because it is computed along one axis at a time: prefer several drifts with `start_sd`.
         start_sd: standard deviation of the start, in cells: a number, or a pair (x, y). Kept as
             a pair; 0 for an array.
-        vector: mean drift in cells per step, (x, y); y grows downward.
-        vector_sd: standard deviation of the drift, in cells per step, in the same forms.
+        vector: mean drift in cells per step, (x, y); y grows downward. Or one for each step, of
+            shape (steps, 2), and the last one from then on; or a mapping of steps to vectors,
+            linear in between, and constant before the first and after the last one. A series is
+            kept as a read-only float64 array with a row for each step until the last change.
+        vector_sd: standard deviation of the drift, in cells per step: a number or a pair (x, y).
+            Or one for each step, like `vector`, of any sign: the magnitude of their sum over
+            the first tau steps takes the place of vector_sd * tau, and may shrink again.
         diffusion: growth of the position's variance along each axis, in cells² per step, twice
             the diffusion coefficient; from 0 to 2/3.
         adrift: whole steps of drift before the search begins; 0 for an array.
@@ -82,8 +95,8 @@ class Drift:
 
     start: tuple[float, float] | Floats
     start_sd: float | tuple[float, float] = field(default=0.0, kw_only=True)
-    vector: tuple[float, float] = field(default=(0.0, 0.0), kw_only=True)
-    vector_sd: float | tuple[float, float] = field(default=0.0, kw_only=True)
+    vector: Vector = field(default=(0.0, 0.0), kw_only=True)
+    vector_sd: float | Vector = field(default=0.0, kw_only=True)
     diffusion: float = field(default=0.0, kw_only=True)
     adrift: int = field(default=0, kw_only=True)
     weight: float = field(default=1.0, kw_only=True)
@@ -98,8 +111,8 @@ class Drift:
         values = {
             "start": start,
             "start_sd": start_sd,
-            "vector": checks.pair("vector", self.vector),
-            "vector_sd": _deviations("vector_sd", self.vector_sd),
+            "vector": _vector("vector", self.vector, checks.pair),
+            "vector_sd": _vector("vector_sd", self.vector_sd, _deviations),
             "diffusion": checks.real("diffusion", self.diffusion, 0, MAX_DIFFUSION + _ROUNDING),
             "adrift": adrift,
             "weight": checks.positive("weight", self.weight),
@@ -120,9 +133,13 @@ class Drift:
         return hash((self.key, self.weight))
 
     def __repr__(self) -> str:
-        start = self.start if self.prior is None else f"<array of shape {self.prior.shape}>"
-        others = [f"{each.name}={getattr(self, each.name)!r}" for each in fields(self)[1:]]
-        return f"Drift({start}, {', '.join(others)})"
+        values = [getattr(self, each.name) for each in fields(self)]
+        start, *others = (
+            f"<array of shape {value.shape}>" if isinstance(value, np.ndarray) else repr(value)
+            for value in values
+        )
+        named = [f"{each.name}={text}" for each, text in zip(fields(self)[1:], others, strict=True)]
+        return f"Drift({start}, {', '.join(named)})"
 
     @property
     def prior(self) -> Floats | None:
@@ -138,12 +155,18 @@ class Drift:
     def axes(self) -> tuple[AxisDrift, AxisDrift]:
         """The values along x and along y."""
         starts = (None, None) if isinstance(self.start, np.ndarray) else self.start
+        values = map(_along_axes, (self.start_sd, self.vector, self.vector_sd))
         x, y = (
             AxisDrift(start, start_sd, velocity, velocity_sd, self.diffusion, self.adrift)
-            for start, start_sd, velocity, velocity_sd in zip(
-                starts, _pair(self.start_sd), self.vector, _pair(self.vector_sd), strict=True
-            )
+            for start, start_sd, velocity, velocity_sd in zip(starts, *values, strict=True)
         )
+        return x, y
+
+    @property
+    def first_vector(self) -> tuple[float, float]:
+        """The mean drift in the first step of the search, (x, y)."""
+        rows = np.atleast_2d(np.asarray(self.vector))
+        x, y = rows[min(self.adrift, len(rows) - 1)].tolist()
         return x, y
 
     @cached_property
@@ -294,7 +317,9 @@ class Person:
         if self.tracks is not None:
             return self.tracks.vector
         pairs = list(zip(self.weights, self.drifts, strict=True))
-        x, y = (sum(weight * drift.vector[axis] for weight, drift in pairs) for axis in (0, 1))
+        x, y = (
+            sum(weight * drift.first_vector[axis] for weight, drift in pairs) for axis in (0, 1)
+        )
         return x, y
 
     @property
@@ -414,8 +439,31 @@ def _probabilities(given: NDArray[Any]) -> Floats:
     if abs(total - 1.0) > _ROUNDING:  # so that a copy has the same values
         values /= total
     values += 0.0  # turns -0.0 into 0.0
-    # An array on top of bytes cannot be made writeable.
-    return np.frombuffer(values.tobytes()).reshape(rows, columns)
+    return _read_only(values)
+
+
+def _read_only(values: Floats) -> Floats:
+    """A copy that cannot be made writeable, because it is on top of bytes."""
+    return np.frombuffer(values.tobytes()).reshape(values.shape)
+
+
+def _vector(
+    name: str, value: Any, of_one: Callable[[str, Any], tuple[float, float]]
+) -> tuple[float, float] | Floats:
+    """A pair for all steps, or a read-only array with a row for each one until the last change."""
+    what = "one vector, or vectors (x, y) of finite numbers for each step"
+    if isinstance(value, Mapping):
+        steps = sorted(checks.integer(f"a step of {name}", s, 0) for s in value)
+        given = np.array([checks.pair(f"{name}[{step}]", value[step]) for step in steps])
+        every = np.arange(max(steps, default=0) + 1)
+        value = np.array([np.interp(every, steps, column) for column in given.T]).T
+    elif checks.is_number(value) or all(map(checks.is_number, checks.items(name, value, what))):
+        return of_one(name, value)
+    rows = np.array(checks.numbers(name, value, what), np.float64)
+    if rows.ndim != 2 or rows.shape[1] != 2 or not np.isfinite(rows).all():
+        raise ValueError(f"{name} must be {what}, got {value!r:.100}")
+    changes = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
+    return _read_only(rows[: changes[-1] + 2]) if changes.size else of_one(name, rows[0].tolist())
 
 
 def _survival(value: object) -> tuple[float, ...]:
@@ -440,17 +488,27 @@ def _deviations(name: str, value: object) -> tuple[float, float]:
     return x, y
 
 
-def _pair(value: float | tuple[float, float]) -> tuple[float, float]:
-    """The type of a validated standard deviation."""
-    return value if isinstance(value, tuple) else (value, value)
+def _along_axes(value: Any) -> tuple[Any, Any]:
+    """A validated value along x and along y: numbers, or tuples with one for each step."""
+    x, y = map(tuple, value.T.tolist()) if isinstance(value, np.ndarray) else value
+    return x, y
+
+
+def _displaced(rate: float | tuple[float, ...], tau: float) -> float:
+    """The scalar form of `tables.displaced`."""
+    if not isinstance(rate, tuple):
+        return rate * tau
+    known = int(min(tau, len(rate) - 1))
+    return sum(rate[:known]) + rate[known] * (tau - known)
 
 
 def _within(grid_size: int, starts: NDArray[Any], axis: AxisDrift, step: int) -> Floats:
     """The probability of staying within the grid along an axis, for each of some starts."""
     tau = float(axis.adrift + step)
-    shift = min(max(axis.velocity * tau, -_LARGE), _LARGE)
+    shift = min(max(_displaced(axis.velocity, tau), -_LARGE), _LARGE)
     mean = np.clip(starts + shift, -_LARGE, _LARGE)
-    deviation = math.hypot(axis.start_sd, math.sqrt(axis.diffusion * tau), axis.velocity_sd * tau)
+    by_drift = _displaced(axis.velocity_sd, tau)
+    deviation = math.hypot(axis.start_sd, math.sqrt(axis.diffusion * tau), by_drift)
     if deviation == 0.0:
         within: Floats = ((mean >= -0.5) & (mean < grid_size - 0.5)).astype(np.float64)
         return within

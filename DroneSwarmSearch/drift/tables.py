@@ -7,6 +7,8 @@ whose diffusion is r, has the target of step t: a Gaussian truncated to the grid
     mean      clip(s + v tau, 0, N - 1),      tau = t plus the steps adrift before step 0,
     variance  sd_s² + r tau + (sd_v tau)².
 
+If the drift varies in time, sums over the first tau steps replace v tau and sd_v tau.
+
 If the start has any other distribution, the target is the mixture of the Gaussians from each
 cell. Persons move at most one cell per step, so the distribution function F of step t + 1 is
 the target's G, clipped to what can be reached from step t:
@@ -23,6 +25,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import zip_longest
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -38,6 +41,7 @@ __all__ = [
     "Steps",
     "all_moves",
     "dispersion_rate",
+    "displaced",
     "distribution",
     "joint_of",
     "matrices_of",
@@ -69,7 +73,10 @@ def dispersion_rate(disperse_constant: Number) -> Number:
 
 
 class Axes(NamedTuple):
-    """The drift along one or more axes: the fields of `AxisDrift`, each a float64 array (...)."""
+    """The drift along one or more axes: the fields of `AxisDrift`, each a float64 array (A,).
+
+    If the drift varies along one of them, velocities have the shape (T, A), see `displaced`.
+    """
 
     start: Floats
     start_sd: Floats
@@ -82,13 +89,14 @@ class Axes(NamedTuple):
     def of(cls, drifts: Iterable[Drift]) -> Axes:
         """The axes of some hypotheses, x and y of each in turn; an array starts in cell 0."""
         axes = [axis for drift in drifts for axis in drift.axes]
-        return cls(*(np.array([value or 0.0 for value in each]) for each in zip(*axes)))  # noqa: B905
+        return cls(*map(_values, zip(*axes)))  # noqa: B905
 
     def mean(self, grid_size: int, step: Array) -> Floats:
         """The means at a step; steps and axes broadcast."""
         # A drift of one grid per step already reaches the border; clipping avoids overflow.
         velocity = np.clip(self.velocity, -grid_size, grid_size)
-        mean: Floats = np.clip(self.start + velocity * (step + self.adrift), 0.0, grid_size - 1)
+        moved = displaced(velocity, step + self.adrift)
+        mean: Floats = np.clip(self.start + moved, 0.0, grid_size - 1)
         return mean
 
     def shift(self, grid_size: int, step: Array) -> Floats:
@@ -96,6 +104,35 @@ class Axes(NamedTuple):
         moved = np.abs(self.mean(grid_size, step + 1.0) - self.mean(grid_size, step))
         shift: Floats = np.minimum(moved, 1.0)
         return shift
+
+
+def _values(values: Sequence[Any]) -> Floats:
+    """A field of some `AxisDrift`: an array (A,), or a table (T, A) if there are series."""
+    if tuple not in set(map(type, values)):
+        return np.array([value or 0.0 for value in values])
+    series = [value if isinstance(value, tuple) else (value,) for value in values]
+    return np.array(list(zip_longest(*series, fillvalue=np.nan)))
+
+
+def displaced(rates: Floats, tau: Array) -> Floats:
+    """The displacement after tau steps, (..., A), at rates (A,), or at rates of each step, (T, A).
+
+    After the last step of an axis, there may be NaN; its last rate lasts.
+    """
+    displacement: Floats
+    if rates.ndim == 1:
+        displacement = rates * tau
+    else:
+        known, place = _place(rates, tau)
+        sums = np.insert(np.cumsum(rates[:-1], axis=0), 0, 0.0, axis=0)
+        displacement = sums[place] + rates[place] * (tau - known)
+    return displacement
+
+
+def _place(rates: Floats, tau: Array) -> tuple[Array, tuple[Array, ...]]:
+    """The steps before tau with rates of their own, all but the last; and the next rate's index."""
+    known = np.minimum(np.floor(tau), np.isfinite(rates).sum(axis=0) - 1)
+    return known, (known.astype(np.int64), np.arange(rates.shape[1]))
 
 
 def distribution(grid_size: int, axes: Axes, step: Array) -> Floats:
@@ -110,7 +147,7 @@ def distribution(grid_size: int, axes: Axes, step: Array) -> Floats:
         start_sd, velocity_sd = (
             np.minimum(sd, _LARGE_SD) for sd in (axes.start_sd, axes.velocity_sd)
         )
-        variance = variance + start_sd**2 + (velocity_sd * tau) ** 2
+        variance = variance + start_sd**2 + displaced(velocity_sd, tau) ** 2
     spreads = variance > 0.0
     deviation = np.sqrt(np.where(spreads, variance, 1.0))
     edges = np.arange(-0.5, grid_size).reshape(-1, *(1,) * np.broadcast(mean, deviation).ndim)
@@ -221,9 +258,10 @@ def tabulate(
     followed[0] = 0.0
     followed[1:-1, 0] = distribution(size, axes, np.array(0.0))
     for axis, start in starts.items():
-        one = Axes(*(values[[axis]] for values in axes))
+        one = Axes(*(values[..., [axis]] for values in axes))
         targets[..., [axis]] = _mixed_distribution(size, one, steps + 1.0, start)
-        shift[:, axis] = min(abs(axes.velocity[axis]), 1.0)
+        rates = np.atleast_2d(one.velocity)
+        shift[:, [axis]] = np.minimum(np.abs(rates[_place(rates, steps)[1]]), 1.0)
         followed[1:-2, 0, axis] = np.minimum(start.cumsum()[:-1], 1.0)
     if previous is not None:
         followed[:, 0] = previous.cdf

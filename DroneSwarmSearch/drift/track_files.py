@@ -15,6 +15,9 @@ __all__ = ["positions"]
 
 Pair = tuple[float, float]
 
+USUAL = {"lon": "longitude", "lat": "latitude"}
+"""Names of variables without a standard name."""
+
 EQUATOR, ECCENTRICITY2 = 6378137.0, 0.00669437999014
 """Of the WGS 84 ellipsoid: the radius in metres, and the square of the eccentricity."""
 
@@ -66,7 +69,10 @@ def _read(path: Path) -> tuple[Floats, Floats, Flags]:
     except OSError as error:
         raise ValueError(f"{path} must be a NetCDF file, got another: {error}") from None
     with data:
-        named = {getattr(each, "standard_name", key): each for key, each in data.variables.items()}
+        named = {
+            getattr(each, "standard_name", USUAL.get(key, key)): each
+            for key, each in data.variables.items()
+        }
         try:
             longitude, latitude, time = (named[key] for key in ("longitude", "latitude", "time"))
             (when,) = time.dimensions
@@ -118,8 +124,9 @@ def _tracked(
     is_known: Flags = active[: here[0] + 1].any(axis=0) & (stranded | (ends >= last))
     which: Ints = is_known.nonzero()[0]
     end, tracks = ends[which], np.empty((len(times), len(which), 2))
+    held = cells[np.minimum(np.arange(len(cells))[:, None], end), which]
     for step, (before, share) in enumerate(zip(here.tolist(), part.tolist(), strict=True)):
-        a, b = (cells[np.minimum(each, end), which] for each in (before, before + 1))
-        tracks[step] = a if share == 0.0 else a + share * (b - a)
+        a, b = held[before : before + 2]
+        tracks[step] = a + share * (b - a)
     adrift = ~stranded[which] | (times[:, None] < seconds[end])
     return tracks, adrift, len(is_known) - len(which)

@@ -236,9 +236,9 @@ class Tracks:
         """Read tracks from a NetCDF file of OpenDrift, another CF trajectory file, or `save`.
 
         NetCDF needs the extra ``tracks``: variables with the standard names longitude, latitude and
-        time, with common times for all elements. Stranded elements (by OpenDrift's `status`) stay
-        where they are. Elements that are not yet released at `start`, or vanish for another reason
-        before the last step, are lost and left out.
+        time, or lon, lat and time by name, with common times for all elements. Stranded elements
+        (by OpenDrift's `status`) stay where they are. Elements that are not yet released at
+        `start`, or vanish for another reason before the last step, are lost and left out.
 
         Args:
             path: a file that ends in ``.npz`` is one of `save`, and takes no other arguments.
@@ -352,8 +352,9 @@ def _check_jumps(positions: Floats) -> None:
     before = np.floor(positions[0] + 0.5)
     for step, now in enumerate(positions[1:], 1):
         cells = np.floor(now + 0.5)
-        farthest = np.abs(cells - before).max(axis=1)
-        if farthest.max() > 1:
+        moves = np.abs(cells - before)
+        if moves.max() > 1:
+            farthest = moves.max(axis=1)
             raise ValueError(
                 "positions must move at most one cell along each axis in a step, but track "
                 f"{int(farthest.argmax())} moves {farthest.max():.0f} in step {step}, as do "

@@ -1,13 +1,14 @@
 """The suite: named searches on which policies are compared, which never change.
 
-`docs/make_suite.py` wrote `suite_v1.json`; other parameters make another version, in another file.
+`docs/make_suite.py` wrote `suite_v2.json`, and `docs/make_tracks.py` the tracks of some of its
+searches; other parameters make another version, in another file.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,8 @@ class NamedSearch:
             steps += f" of {scale.seconds_per_step:g} s ({minutes:.0f} minutes)"
         whom = f"{len(persons)} person{'s' * (len(persons) > 1)}"
         whom += f" with up to {hypotheses} hypotheses" * (hypotheses > 1)
+        if tracks := [len(person.tracks) for person in persons if person.tracks is not None]:
+            whom += f" from {sum(tracks):,} tracks"
         detections = ", ".join(f"{value:g}" for value in dict.fromkeys(scenario.detections))
         return (
             f"{scenario.grid_size} x {scenario.grid_size} cells{width}; "
@@ -88,8 +91,12 @@ class NamedSearch:
 
     @property
     def fingerprint(self) -> str:
-        """A hash of all parameters, 64 hexadecimal digits."""
-        return hashlib.sha256(json.dumps(self.data, sort_keys=True).encode()).hexdigest()
+        """A hash of all parameters, 64 hexadecimal digits; files count by content, not by path."""
+        data = self.data
+        for person in data["persons"] or ():
+            if "tracks" in person:
+                person["tracks"] = {**person["tracks"], "file": None}
+        return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
     def with_posterior(self, bayesian_update: object) -> NamedSearch:
         """Select what drones see: the posterior (True), the prior (False) or the same (None)."""
@@ -103,7 +110,8 @@ def search(name: str) -> NamedSearch:
 
     A file holds the parameters of a scenario, as `Scenario.to_dict` returns them, and may hold the
     other attributes of a `NamedSearch`: "name", by default the name of the file, "reason", "scale"
-    and "drones_positions", the start cells. The entries of the suite have this form.
+    and "drones_positions", the start cells. Files of tracks are relative to its folder. The entries
+    of the suite have this form.
 
     Raises:
         ValueError: the suite has no such search, or there is no such file, or it does not hold a
@@ -115,8 +123,8 @@ def search(name: str) -> NamedSearch:
             raise ValueError(f"search must name a file, but there is no {name!r:.100}")
         try:
             defaults = {"name": path.stem, "reason": "Read from a file."}
-            return _named({**defaults, **json.loads(path.read_bytes())})
-        except (TypeError, ValueError) as error:
+            return _named({**defaults, **_read(path)})
+        except (OSError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: {error}") from error
     if name not in SUITE:
         hint = did_you_mean(name, SUITE)
@@ -151,11 +159,35 @@ def _named(data: Mapping[str, Any]) -> NamedSearch:
     return NamedSearch(name, reason, scenario, cells, scale and Scale(**scale))
 
 
-def _read(path: Path) -> tuple[str, dict[str, NamedSearch]]:
-    data = json.loads(path.read_text("utf-8"))
-    named = [_named(entry) for entry in data["searches"]]
-    return data["version"], {each.name: each for each in named}
+def _read(path: Path) -> Any:
+    """The content of a JSON file, with the paths of the files of tracks that it names."""
+
+    def located(entry: dict[str, Any]) -> dict[str, Any]:
+        return {**entry, "file": str(path.parent / entry["file"])} if entry.get("file") else entry
+
+    return json.loads(path.read_bytes(), object_hook=located)
 
 
-SUITE_VERSION, SUITE = _read(Path(__file__).with_name("suite_v1.json"))
-"""The version of the suite, a string, and its searches by name."""
+class _Suite(Mapping[str, NamedSearch]):
+    """Searches by name, each made when it is first used: some have large files of tracks."""
+
+    def __init__(self, entries: list[dict[str, Any]]) -> None:
+        self._entries = {entry["name"]: entry for entry in entries}
+        self._made: dict[str, NamedSearch] = {}
+
+    def __getitem__(self, name: str) -> NamedSearch:
+        if name not in self._made:
+            self._made[name] = _named(self._entries[name])
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+
+_CONTENT = _read(Path(__file__).with_name("suite_v2.json"))
+SUITE_VERSION: str = _CONTENT["version"]
+SUITE: Mapping[str, NamedSearch] = _Suite(_CONTENT["searches"])
+"""The searches of the suite by name."""

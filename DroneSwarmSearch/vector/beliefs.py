@@ -111,9 +111,9 @@ class Beliefs:
                     self.forecasts.drift(mass, entry)
 
     def _of_columns(self, first: int) -> Ints:
-        """The entries of each column of a tile, whose first row is given; 0 after the last."""
+        """The entries of each column of a tile, whose first row is given; any after the last."""
         some = self._entries[:, first : first + self._width]
-        of_columns = np.zeros((len(some), self._width), np.int64)
+        of_columns = np.tile(some[:, :1], self._width)
         of_columns[:, : some.shape[1]] = some
         return of_columns
 

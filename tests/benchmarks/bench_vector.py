@@ -40,6 +40,7 @@ GROUPS: dict[str, tuple[Ratio, ...]] = {
     "forecasts": ((cases.SAMPLER, cases.MATRICES),),
     "situations": (
         (cases.TWO_HYPOTHESES, cases.ONE_HYPOTHESIS),
+        (cases.TRACKS, cases.TWO_HYPOTHESES),
         (cases.CATALOGUE, cases.TWO_HYPOTHESES),
         (cases.CATALOGUE_INDEX, cases.ONE_SITUATION_INDEX),
     ),

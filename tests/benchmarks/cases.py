@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from timing import Run
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Tracks
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
 
 TIMESTEP_LIMIT = 100
@@ -188,6 +188,15 @@ def situations(hypotheses: int, count: int, posterior: bool = False) -> Callable
     return make
 
 
+def of_tracks(size: Size, num_envs: int) -> Run:
+    """A batch of persons made of 30,000 tracks, which drift and diffuse."""
+    rng = np.random.default_rng(3)
+    moves = rng.normal((0.05, 0.02), 0.3, (TIMESTEP_LIMIT + 1, 30_000, 2)).clip(-1, 1)
+    moves[0] = rng.normal(size.grid_size / 2, size.grid_size / 15, (30_000, 2))
+    tracks = Tracks(moves.cumsum(axis=0).clip(-0.4, size.grid_size - 0.6))
+    return batch_with_matrices(size, num_envs, bayesian_update=True, situations=[[Person(tracks)]])
+
+
 def gather(size: Size, num_envs: int) -> Run:
     """Only copy each row's matrix from the table: the upper limit for NumPy."""
     buffer = matrix_buffer(size, num_envs)
@@ -249,6 +258,7 @@ POSTERIOR = BenchmarkCase(
 SAMPLER = BenchmarkCase("batch, a sampler of drifts", sampled_drifts)
 ONE_HYPOTHESIS = BenchmarkCase("batch, one hypothesis, posterior", situations(1, 1, True))
 TWO_HYPOTHESES = BenchmarkCase("batch, two hypotheses, posterior", situations(2, 1, True))
+TRACKS = BenchmarkCase("batch, tracks, posterior", of_tracks)
 CATALOGUE = BenchmarkCase("batch, 100 situations, posterior", situations(2, 100, True))
 ONE_SITUATION_INDEX = BenchmarkCase("batch, one situation, index", situations(2, 1))
 CATALOGUE_INDEX = BenchmarkCase("batch, 100 situations, index", situations(2, 100))
