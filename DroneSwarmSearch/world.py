@@ -96,8 +96,7 @@ class WorldState:
             self._paths = [[int(model.start(draw))] for model, draw in models]
         while self.step >= self._paths_first + len(self._paths[0]):
             self._walk()
-        cell: int = self._models[person].cells(self._paths[person][self.step - self._paths_first])
-        return cell
+        return int(self._models[person].cells(self._paths[person][self.step - self._paths_first]))
 
     def _walk(self) -> None:
         """Let all persons walk some steps."""

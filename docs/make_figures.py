@@ -10,6 +10,7 @@ of matplotlib. `calibration`, `opendrift` and `speed` plot the measurements writ
     python examples/compare_with_opendrift.py --tracks 100000 --csv docs/figures/opendrift.csv
     python tests/benchmarks/bench_vector.py --json docs/figures/bench.json
 
+and `seas` the outcome of `python docs/make_tracks.py --compare docs/figures/seas.json`.
 `learning` plots the curves of the training examples, `docs/training/<example>-<seed>.csv`, with the
 baselines of `own_loop.csv`, see tests/benchmarks/own_loop.py, and `results` the table of the
 leaderboard. All other figures are computed here, within seconds.
@@ -45,12 +46,12 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import EngFormatter, MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Scenario
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
 from DroneSwarmSearch.drift import ProbabilityMatrix, dispersion_rate
 from DroneSwarmSearch.drift.belief import Belief
 from DroneSwarmSearch.drift.tables import Axes as DriftAxes
 from DroneSwarmSearch.drift.tables import distribution
-from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.evaluation import evaluate, search
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
 from DroneSwarmSearch.policies.datum import Datum
 from DroneSwarmSearch.policies.planner import PlannerPolicy
@@ -935,6 +936,31 @@ def opendrift(theme: Theme, sampling: Sampling) -> Figure:
     success.set_title("forecast (lines), found (dots)")
     for axes in (spread, success):
         axes.grid(axis="x" if axes is success else "both")
+    return chart
+
+
+@figure("seas")
+def seas(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw maps from tracks and of constant drift, with forecast and success of the planner."""
+    scenes = json.loads((FIGURES / "seas.json").read_text("utf-8"))
+    chart = Figure(figsize=(WIDTH, 4.5), layout="constrained")
+    panels = chart.subplots(2, len(scenes), sharex=True, sharey=True)
+    for column, (name, scene) in zip(panels.T, scenes.items(), strict=True):
+        scenario = search(name).scenario
+        step = scenario.timestep_limit
+        (tracked,), constant = scenario.situation, Person.from_dict(scene["constant"])
+        persons = {"tracks": tracked, "constant": constant}
+        for axes, (drift, person) in zip(column, persons.items(), strict=True):
+            forecast = person.model(scenario.grid_size)
+            matrix = forecast.map(forecast.joint(step))
+            heat_map(axes, matrix, theme, most=float(np.quantile(matrix, 0.998)))
+            axes.plot(*np.array(search(name).drones).T, ".", color=theme.track, markersize=4)
+            shown = scene["results"]["planner"][drift]
+            axes.set_xlabel(f"forecast {shown['forecast']:.0%}, found {shown['found']:.0%}")
+            axes.set(xticks=(), yticks=())
+        column[0].set_title(name)
+    for axes, label in zip(panels[:, 0], ("drift as in the tracks", "constant drift"), strict=True):
+        axes.set_ylabel(label)
     return chart
 
 

@@ -2,10 +2,15 @@
 
     python docs/make_tracks.py
     python docs/make_tracks.py --seed 1 --into held-out
+    python docs/make_tracks.py --compare docs/figures/seas.json
 
 The first command writes `tide.npz`, `eddy.npz` and `coast.npz`, 30,000 tracks each, beside the
 suite's file in `DroneSwarmSearch/evaluation/`; then run `docs/make_suite.py`, which enters their
-hashes. The second one writes other tracks of the same scenes, to test plans on.
+hashes. As the searches of a published version never change, neither do these files.
+
+The second command writes new tracks of the same scenes, to test plans on. The third one makes plans
+for the suite's tracks, and for a constant drift fitted to them, and measures which share of new
+tracks they find; the figure `seas` shows the result.
 
 A track is an object that is lost near a known position, and drifts with the current, the wind and
 the turbulence of the sea. Objects differ in their leeway. Half of them drift to the right of the
@@ -15,16 +20,19 @@ wind and half to the left, and now and then one changes sides. On land they stay
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import Scale, Tracks
-from DroneSwarmSearch.evaluation import suite
+from DroneSwarmSearch import Drift, Person, Scale, Tracks
+from DroneSwarmSearch.evaluation import evaluate, suite
 from DroneSwarmSearch.leeway import current_towards, wind_from
+from DroneSwarmSearch.policies import make
 
 FOLDER = Path(suite.__file__).parent
 
@@ -158,12 +166,63 @@ def simulate(scene: Scene, count: int = TRACKS, seed: int = 0) -> Tracks:
     return Tracks(cells)
 
 
+def constant_drift(tracks: Tracks, probability_of_detection: float) -> Person:
+    """Fit two hypotheses of constant drift, one to each half of the tracks along their main axis.
+
+    The means follow the line of least squares through the mean positions of the half. The standard
+    deviations are those of its positions at the start and, up to the turbulence, at the end.
+    """
+    positions, steps = tracks.positions, np.arange(tracks.steps + 1)
+    some = positions[:: len(steps) // 6].transpose(1, 0, 2).reshape(len(tracks), -1)
+    some = some - some.mean(axis=0)
+    is_first = some @ np.linalg.eigh(some.T @ some)[1][:, -1] > 0
+    diffusion = 2 * DIFFUSIVITY * SCALE.seconds_per_step / SCALE.metres_per_cell**2
+    drifts = []
+    for half in (is_first, ~is_first):
+        vector, start = np.polyfit(steps, positions[:, half].mean(axis=1), 1)
+        before, after = positions[0, half].var(axis=0), positions[-1, half].var(axis=0)
+        grown = np.maximum(after - before - diffusion * steps[-1], 0)
+        drifts.append(
+            Drift(
+                (start[0], start[1]),
+                start_sd=tuple(np.sqrt(before)),
+                vector=(vector[0], vector[1]),
+                vector_sd=tuple(np.sqrt(grown) / steps[-1]),
+                diffusion=diffusion,
+                weight=half.mean(),
+            )
+        )
+    return Person(drifts, probability_of_detection)
+
+
+def compare(seed: int = 1, policies: Sequence[str] = ("planner", "greedy-posterior")) -> Any:
+    """Forecast success of policies for both drift models, and the share of new tracks found."""
+    scenes = {}
+    for name, scene in SCENES.items():
+        found, new = suite.search(name), simulate(scene, seed=seed)
+        (person,) = found.scenario.situation
+        constant = constant_drift(person.tracks, person.probability_of_detection)
+        results: dict[str, Any] = {policy: {} for policy in policies}
+        for drift, each in (("tracks", person), ("constant", constant)):
+            search = replace(found, scenario=found.scenario.replace(persons=each))
+            for policy in policies:
+                forecast = evaluate(policy, search, episodes=1, progress=False).success.value
+                share = new.found(make(policy, search.scenario), drones_positions=search.drones)
+                results[policy][drift] = {"forecast": forecast, "found": share}
+        scenes[name] = {"constant": constant.to_dict(), "results": results}
+    return scenes
+
+
 def main() -> None:
-    """Write the tracks of every scene."""
+    """Write the tracks of every scene, or compare drift models."""
     parser = argparse.ArgumentParser(description="Simulate the tracks of searches of the suite.")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--into", type=Path, default=FOLDER, help="output folder")
+    parser.add_argument("--compare", type=Path, metavar="FILE", help="compare drift models instead")
     chosen = parser.parse_args()
+    if chosen.compare is not None:
+        chosen.compare.write_text(json.dumps(compare(), indent=1) + "\n", encoding="utf-8")
+        return
     chosen.into.mkdir(parents=True, exist_ok=True)
     for name, scene in SCENES.items():
         simulate(scene, seed=chosen.seed).save(chosen.into / f"{name}.npz")

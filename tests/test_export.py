@@ -14,7 +14,7 @@ import pytest
 from helpers import module_at, refusal
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario, Tracks
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, export
 from DroneSwarmSearch.frame import Frame
@@ -243,3 +243,14 @@ class TestDocumentation:
         with pytest.raises(SystemExit):
             pages.main(["harbor"])
         assert "SEARCH must be of man-overboard" in capsys.readouterr().err
+
+
+def test_a_person_who_drifts_as_tracks_do_is_written(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    tracks = Tracks(np.cumsum(rng.uniform(-0.5, 0.5, (11, 400, 2)), axis=0) + 4)
+    scenario = Scenario(13, persons=Person(tracks, fine=1), timestep_limit=10)
+    data = export(["random"], scenario, tmp_path / "tracks.json", seeds=[1])
+    (episode,) = data["episodes"]
+    (person,) = episode["persons"]
+    assert len(person["cells"]) == episode["steps"] + 1
+    assert json.loads((tmp_path / "tracks.json").read_text("utf-8")) == data

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +13,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from helpers import module_at
+
+from DroneSwarmSearch.evaluation import SUITE
 
 pytest.importorskip("matplotlib")
 
@@ -192,3 +195,22 @@ def test_the_model_page_states_what_plans_find_off_a_coast() -> None:
     for row in rows:
         shares = " | ".join(f"{float(row[name]):.1%}" for name in ("forecast", "found"))
         assert f"| `{row['person']}` | `{row['policy']}` | {shares} |" in page
+
+
+def test_the_guide_states_how_far_forecasts_of_changing_drift_are_from_the_finds() -> None:
+    page = " ".join((DOCS / "guides" / "evaluation.md").read_text("utf-8").split())
+    scenes = json.loads((COMMITTED / "seas.json").read_text("utf-8"))
+    tracks, constant = (
+        [
+            100 * (each[drift]["forecast"] - each[drift]["found"])
+            for scene in scenes.values()
+            for each in scene["results"].values()
+        ]
+        for drift in ("tracks", "constant")
+    )
+    assert f"at most {max(tracks):.1f} points more than they find" in page
+    assert f"forecast {min(constant):.0f} to {max(constant):.0f} points more" in page
+    for name, scene in scenes.items():
+        row = scene["results"]["planner"]["constant"]
+        stated = f"forecast {row['forecast']:.0%} and find {row['found']:.0%}"
+        assert stated in SUITE[name].reason

@@ -122,8 +122,17 @@ def test_batches_equal_single_environments(persons, updates, scheme):
     assert found > 10
 
 
-def test_catalogues_may_mix_models():
-    situations = [[follower(0.8)], [USUAL], [follower(0.5, TRACKS[2:])], [CHAIN]]
+STRAIGHT = replace(CHAIN, tracks=wandering(2000, LIMIT, start=(1, 3), sd=0.05))
+
+
+@pytest.mark.parametrize(
+    "situations",
+    [
+        [[follower(0.8)], [USUAL], [follower(0.5, TRACKS[2:])], [CHAIN]],
+        [[CHAIN], [STRAIGHT]],  # the tracks of one visit fewer cells
+    ],
+)
+def test_catalogues_may_mix_models(situations):
     sizes = {"grid_size": SIZE, "timestep_limit": LIMIT, "bayesian_update": True}
     twins = Twins(5, {**sizes, "situations": situations})
     twins.reset(list(range(5)))

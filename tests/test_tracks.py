@@ -218,6 +218,8 @@ def test_bad_parameters_are_rejected(tmp_path):
     np.savez(tmp_path / "other.npz", a=1)
     with pytest.raises(ValueError, match=r"must be a file of Tracks\.save"):
         Tracks.read(tmp_path / "other.npz")
+    with pytest.raises(TypeError, match="scenario must be a Scenario, got None"):
+        pair.found([[5]])
     with pytest.raises(ValueError, match="scenario must have one person, got 2"):
         pair.found([[5]], Scenario(3, persons=[Person(pair)] * 2, timestep_limit=3))
 

@@ -198,8 +198,9 @@ class Tracks:
         one person, is by default the policy's; `drones_positions` are as for `reset`.
         """
         from DroneSwarmSearch.evaluation.rollout import searches_of
+        from DroneSwarmSearch.scenario import checked_scenario
 
-        search: Any = scenario or getattr(policy, "scenario", None)
+        search = checked_scenario(scenario or getattr(policy, "scenario", None))
         missed, size = self.weights.copy(), search.grid_size
         for step, cells in enumerate(searches_of(policy, search, drones_positions)):
             x, y = fine_cells(self.positions[min(step, self.steps)], size, 1)

@@ -14,7 +14,7 @@ from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.rules import Action, RewardScheme
-from DroneSwarmSearch.scenario import Scenario, checked_scenario
+from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations
 
@@ -63,7 +63,6 @@ def searches_of(policy: Any, scenario: Scenario, drones_positions: Any = None) -
 
     Nobody is found on the way. The policy sees what `DroneSwarmSearch` shows.
     """
-    checked_scenario(scenario)
     if len(scenario.situation) > 1:
         raise ValueError(f"scenario must have one person, got {len(scenario.situation)}")
     plan = None if callable(policy) else np.asarray(policy)
