@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from operator import getitem
 from typing import Any, NoReturn
 
-import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from DroneSwarmSearch._internal import checks
@@ -65,23 +64,8 @@ def _refuse(actions: object, names: tuple[str, ...]) -> NoReturn:
 
 def checked_actions(actions: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     """The actions of many searches, from 0 to 5, in a new array; else TypeError or ValueError."""
-    what = f"actions must have the shape {shape}, one for each drone of each search"
-    try:
-        given = np.asarray(actions)
-    except ValueError:  # rows that differ in length
-        raise ValueError(f"{what}, got {actions!r}") from None
-    if given.dtype.kind not in "iu":
-        got = f"{given.dtype} of shape {given.shape}" if given.dtype.kind != "O" else repr(actions)
-        raise TypeError(f"actions must be integers from 0 to 5, got {got[:200]}")
-    if given.shape != shape:
-        raise ValueError(f"{what}, got {given.shape}")
-    if given.min() < 0 or given.max() >= _ACTIONS:
-        place = tuple(np.argwhere((given < 0) | (given >= _ACTIONS))[0].tolist())
-        where = f"sub-environment {place[0]}"
-        if len(place) > 1:
-            where = f"drone {place[1]} of search {place[0]}"
-        raise ValueError(f"actions must be integers from 0 to 5, got {given[place]} for {where}")
-    return given.astype(dtype)
+    what = f"integers from 0 to 5 of shape {shape}, one for each drone of each search"
+    return checks.integer_array("actions", actions, what, 0, _ACTIONS - 1, shape).astype(dtype)
 
 
 def _range(names: Sequence[str]) -> str:

@@ -131,15 +131,6 @@ class RewardScheme:
             figure = checks.real(f"RewardScheme.{each.name}", figure, -_LARGEST, _LARGEST)
             object.__setattr__(self, each.name, figure)
 
-    def largest(self, timestep_limit: int) -> float:
-        """The largest absolute reward of a drone in one step of an episode of this length."""
-        crash = max(abs(self.leave_grid), abs(self.collision))
-        if self.expected_finds:
-            return max(abs(self.step), abs(self.find), crash)
-        find = abs(self.find) + abs(self.find_early)
-        usual = max(abs(self.step), abs(self.search), abs(self.search_unlikely), find)
-        return max(abs(self.timeout) + usual * timestep_limit, crash)
-
     @classmethod
     def sparse(cls) -> RewardScheme:
         """Reward 1 to a drone that finds a person, and 0 otherwise."""

@@ -11,7 +11,6 @@ The environments in `DroneSwarmSearch.vector` offer the same through their argum
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
@@ -264,7 +263,7 @@ class OtherDrones(SearchWrapper):
 
 
 class ScaledRewards(SearchWrapper):
-    """Multiplies all rewards by a constant above 0; ValueError if they would overflow.
+    """Multiplies all rewards by a constant above 0.
 
     The default is a power of two, 2**-17 = 1/131072, which is exact in floating point:
     `rewards / scale` is the reward of the table in `rules`, bit for bit. Then -100000 becomes
@@ -274,12 +273,6 @@ class ScaledRewards(SearchWrapper):
     def __init__(self, env: ParallelEnv[str, Any, int], scale: float = 2**-17) -> None:
         super().__init__(env)
         self.scale = checks.positive("scale", scale)
-        scenario = self._search.scenario
-        largest = scenario.reward_scheme.largest(scenario.timestep_limit)
-        if math.isinf(largest * self.scale) and math.isfinite(largest):
-            raise ValueError(
-                f"scale must keep rewards finite, which are up to {largest:g}, got {scale!r}"
-            )
 
     def step(self, actions: Mapping[str, int]) -> Step:
         """Let every drone act once."""

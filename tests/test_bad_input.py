@@ -18,7 +18,7 @@ from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, RewardScheme
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
 from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.wrappers import FlatObservation, ScaledRewards
+from DroneSwarmSearch.wrappers import FlatObservation
 
 NAN, INF = float("nan"), float("inf")
 PERSON = "person_initial_position"
@@ -356,7 +356,3 @@ def test_forecasts_reject_invalid_steps(ask, step, error):
     )
     for same in (np.int64(3), np.uint8(3)):
         assert forecast.at(same).tolist() == forecast.at(3).tolist()
-
-
-def test_scales_that_make_rewards_infinite_are_rejected():
-    refused(lambda: ScaledRewards(DroneSwarmSearch(), 1e304), ValueError, "scale must", "got")

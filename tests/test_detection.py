@@ -84,7 +84,6 @@ def test_coverage_broadcasts():
         (lambda: detection.definite_range([1, INF]), ValueError, r"coverage must .*got \[1, inf\]"),
         (lambda: detection.coverage(-1, 1, 1, 1), ValueError, "sweep_width must .*got -1"),
         (lambda: detection.coverage(1, 1, 1, [1, 0]), ValueError, "area must .*above 0"),
-        (lambda: detection.coverage(1e300, 1e300, 1, 1), ValueError, "area must be larger"),
         (lambda: detection.coverage([1, 2], [1, 2, 3], 1, 1), ValueError, "broadcast"),
     ],
 )
