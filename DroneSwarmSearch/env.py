@@ -162,7 +162,7 @@ class DroneSwarmSearch(SearchSpaces):
         # The episode, see `reset`.
         self._search: Scenario | None = None  # its parameters
         self._world: WorldState
-        self._drones = Drones(self._scenario)
+        self._drones = Drones(self._names, self._scenario)
         self._ending: Ending | None = None
 
     @classmethod
@@ -289,8 +289,7 @@ class DroneSwarmSearch(SearchSpaces):
         observations, infos = observe(
             self._names, drones.cells, self._positions, matrix, bool(drones.finders), facts
         )
-        by_drone = Rewards(zip(self._names, rewards, strict=True))
-        return observations, by_drone, flags.copy(), flags.copy(), infos
+        return observations, Rewards(rewards), flags.copy(), flags.copy(), infos
 
     # The rest of PettingZoo's API.
 
