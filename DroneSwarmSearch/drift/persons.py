@@ -247,8 +247,8 @@ class Person:
             accepted in their place, and then it is empty.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
         tracks: the tracks, or None.
-        fine: with tracks, each cell has fine² parts to tell where a person goes next, from 1 to 4.
-            1 is faster; 2 promises less than can be kept where currents turn.
+        fine: with tracks, where a person goes next depends on one of fine² parts of the cell; from
+            1 to 4. With 1, plans promise more than they find; 3 and 4 need many tracks.
         classes: with tracks, the number of groups of similar tracks; a person belongs to one of
             them for good. Time and memory grow with it.
         survival: the probability of being alive, entry t after t completed steps, and the last
