@@ -64,14 +64,12 @@ class Chain(DriftModel):
         self.key = self._tracks, self.grid_size, self._fine, _ = tracks, grid_size, fine, classes
         self._labels = _class_labels(tracks, classes)
         self.weights = _sums(self._labels, tracks.weights)
-        self._last = tracks.steps
         visited = np.zeros(grid_size**2, np.bool_)
-        for step in range(self._last + 1):
+        for step in range(tracks.steps + 1):
             x, y = fine_cells(tracks.positions[step], grid_size, 1)
             visited[y * grid_size + x] = True
         self.kept_cells = visited.nonzero()[0]
-        _, rows, columns = super().state_shape
-        self._shape = len(self.weights) * fine**2, rows, columns
+        self._shape = len(self.weights) * fine**2, *super().state_shape[1:]
         self._steps: dict[int, _Step] = {}
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -146,7 +144,7 @@ class Chain(DriftModel):
 
     def transitions(self, step: int) -> _Step:
         """The table of a step, counted on first use; that of the last one leads to itself."""
-        step = min(step, self._last)
+        step = min(step, self._tracks.steps)
         if step not in self._steps:
             self._steps[step] = self._counted(step)
         return self._steps[step]
@@ -154,7 +152,7 @@ class Chain(DriftModel):
     def _counted(self, step: int) -> _Step:
         size, weights = self._shape[0] * self.layer, self._tracks.weights
         x, y, here = self._at(step)
-        next_x, next_y, there = self._at(min(step + 1, self._last))
+        next_x, next_y, there = self._at(min(step + 1, self._tracks.steps))
         in_state = _sums(here, weights, size)
         states = in_state.nonzero()[0]
         mass, number = in_state[states], np.zeros(size, np.int64)

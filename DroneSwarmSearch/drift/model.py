@@ -380,9 +380,10 @@ class Forecasts:
 
     def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
         """The states, (...), one step later, given the entries before it and draws, (2, ...)."""
-        after = states.copy()
-        for entry in np.unique(entries):
-            ((model, step),) = self._each(entry[None])
-            who = entries == entry
-            after[who] = model.moved(states[who], step, *draws[:, who])
-        return after
+        after, draws, entries = states.reshape(-1).copy(), draws.reshape(2, -1), entries.reshape(-1)
+        order = entries.argsort(kind="stable")
+        _, first = np.unique(entries[order], return_index=True)
+        for who in np.split(order, first[1:]):
+            ((model, step),) = self._each(entries[who[:1]])
+            after[who] = model.moved(after[who], step, *draws[:, who])
+        return after.reshape(states.shape)
