@@ -347,7 +347,7 @@ def _in_each_step(scale: Scale, **series: Any) -> list[Floats]:
     """The wind and the current in the middle of each step, (T, 2); (1, 2) for a constant one."""
     given = []
     for name, value in series.items():
-        points = value if isinstance(value, Mapping) else {0.0: value}
+        points = value if isinstance(value, Mapping) and value else {0.0: value}
         what = f"a time of {name}, in seconds from the last known position,"
         times = sorted(checks.real(what, time, -1e7, 1e7) for time in points)  # four months
         count = None if len(times) > 1 else 1

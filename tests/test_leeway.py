@@ -451,6 +451,7 @@ def test_an_unknown_class_names_the_nearest_ones(name, nearest):
         ({"wind": {datetime(2026, 1, 1): (5, 0)}}, TypeError, "time of wind, in seconds .* got da"),
         ({"wind": {1.7e9: (5, 0)}}, ValueError, "time of wind, in seconds from .* got 1700000000"),
         ({"current": {0: 5}}, TypeError, "current must be two finite numbers"),
+        ({"current": {}}, TypeError, "current must be two finite numbers .*got {}"),
         ({"jibing": 4}, ValueError, "jibing must .*at most 1, got 4"),
         ({"hypotheses_per_side": 0}, ValueError, "hypotheses_per_side must .*from 1 to 9, got 0"),
         ({"grid_size": 61}, ValueError, "grid_size and timestep_limit must be given together"),

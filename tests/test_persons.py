@@ -223,6 +223,7 @@ DRIFTS: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"vector": []}, ValueError, "vector must be two finite numbers"),
     ({"vector": {}}, ValueError, "vector must be one vector, or vectors"),
     ({"vector": {0.5: (0, 0)}}, TypeError, "a step of vector must be an integer .*got 0.5"),
+    ({"vector": {1_700_000_000: (0, 0)}}, ValueError, "a step of vector must be .*to 10000000"),
     ({"vector": {2: 1}}, TypeError, r"vector\[2\] must be two finite numbers"),
     ({"vector_sd": [(-1, 0)] * 2}, ValueError, r"vector_sd must be .*at least 0, got -1"),
     ({"diffusion": 0.7}, ValueError, "diffusion must be .* at most 0.666.*, got 0.7"),

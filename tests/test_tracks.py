@@ -144,6 +144,16 @@ def test_tracks_that_end_in_nan_stay():
 
 
 @few
+def test_tracks_of_a_vanishing_weight_are_left_out():
+    """Such as the likelihood of a far position; rounding to 0 made persons jump."""
+    positions = np.array([[[0, 0], [3, 3]], [[1, 0], [4, 3]]])
+    tracks = Tracks(positions, [2, 5e-324])
+    assert len(tracks) == 1
+    model = Person(tracks).model(5)
+    assert np.array_equal(model.forward(model.joint(0), 0), model.joint(1))
+
+
+@few
 def test_files_give_the_same_person(tmp_path):
     path = tmp_path / "tracks.npz"
     TRACKS.save(path)
@@ -152,6 +162,7 @@ def test_files_give_the_same_person(tmp_path):
         a, b = (Person(each).model(SIZE).joint(step) for each in (TRACKS, tracks))
         np.testing.assert_allclose(a, b, atol=1e-15)
     scenario = Scenario(SIZE, persons=Person(tracks, 0.8, classes=2), timestep_limit=STEPS)
+    scenario.to_dict()["persons"][0]["tracks"]["file"] = "another"  # a copy
     data = json.loads(json.dumps(scenario.to_dict()))
     assert Scenario.from_dict(data) == scenario
     assert tracks.to_dict()["sha256"] == data["persons"][0]["tracks"]["sha256"]
@@ -170,6 +181,8 @@ def test_copies_are_equal_and_share_what_is_large():
     assert person.model(SIZE) is person.model(SIZE)
     again = pickle.loads(pickle.dumps(person))
     assert again == person and hash(again) == hash(person) and again != Person(TRACKS, 0.7)
+    zeros = np.zeros((2, 1, 2))
+    assert Tracks(zeros) == Tracks(-zeros) and hash(Tracks(zeros)) == hash(Tracks(-zeros))
     model = pickle.loads(pickle.dumps(person.model(SIZE)))
     assert np.array_equal(model.joint(3), person.model(SIZE).joint(3))
 
@@ -213,6 +226,8 @@ def test_bad_parameters_are_rejected(tmp_path):
         pair.split(0.1)
     with pytest.raises(ValueError, match="n must be an integer from 1 to 2"):
         pair.thin(3)
+    with pytest.raises(ValueError, match="seed must be an integer of at least 0, got -1"):
+        pair.thin(1, seed=-1)
     with pytest.raises(ValueError, match=r"path must end in \.npz"):
         pair.save(tmp_path / "tracks.txt")
     np.savez(tmp_path / "other.npz", a=1)
@@ -220,6 +235,8 @@ def test_bad_parameters_are_rejected(tmp_path):
         Tracks.read(tmp_path / "other.npz")
     with pytest.raises(TypeError, match="scenario must be a Scenario, got None"):
         pair.found([[5]])
+    with pytest.raises(TypeError, match="policy must be a policy or a plan, got 'planner'"):
+        pair.found("planner", Scenario(3, persons=Person(pair), timestep_limit=3))
     with pytest.raises(ValueError, match="scenario must have one person, got 2"):
         pair.found([[5]], Scenario(3, persons=[Person(pair)] * 2, timestep_limit=3))
 

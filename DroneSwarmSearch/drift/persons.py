@@ -447,13 +447,11 @@ def _read_only(values: Floats) -> Floats:
     return np.frombuffer(values.tobytes()).reshape(values.shape)
 
 
-def _vector(
-    name: str, value: Any, of_one: Callable[[str, Any], tuple[float, float]]
-) -> tuple[float, float] | Floats:
+def _vector(name: str, value: Any, of_one: Callable[..., tuple[float, float]]) -> Vector:
     """A pair for all steps, or a read-only array with a row for each one until the last change."""
     what = "one vector, or vectors (x, y) of finite numbers for each step"
     if isinstance(value, Mapping):
-        steps = sorted(checks.integer(f"a step of {name}", s, 0) for s in value)
+        steps = sorted(checks.integer(f"a step of {name}", s, 0, 10**7) for s in value)
         given = np.array([checks.pair(f"{name}[{step}]", value[step]) for step in steps])
         every = np.arange(max(steps, default=0) + 1)
         value = np.array([np.interp(every, steps, column) for column in given.T]).T

@@ -73,8 +73,8 @@ class Tracks:
             is_valid = shares.shape == given.shape[1:2] and np.isfinite(shares).all()
             if not (is_valid and shares.min() >= 0.0 < shares.max()):
                 raise ValueError(f"weights must be {what}, got {weights!r:.100}")
-            if not shares.all():
-                given, shares = given[:, shares > 0.0], shares[shares > 0.0]
+            if not (kept := shares > 1e-300 * shares.max()).all():  # others may become 0
+                given, shares = given[:, kept], shares[kept]
         given, self.stranded = _without_gaps(given)
         _check_jumps(given)
         self.positions: Floats = given.view()
@@ -97,7 +97,7 @@ class Tracks:
         return self is other or all(np.array_equal(*pair) for pair in pairs)
 
     def __hash__(self) -> int:
-        return hash((self.positions.shape, self.positions[-1].tobytes()))
+        return hash((self.positions.shape, (self.positions[-1] + 0.0).tobytes()))
 
     def __len__(self) -> int:
         return len(self.weights)
@@ -140,7 +140,7 @@ class Tracks:
 
     def thin(self, n: int, seed: int = 0) -> Tracks:
         """Keep n of the tracks, drawn at random without replacement."""
-        count = checks.integer("n", n, 1, len(self))
+        count, seed = checks.integer("n", n, 1, len(self)), checks.integer("seed", seed, 0)
         return self._of(np.random.default_rng(seed).permutation(len(self))[:count])
 
     def _of(self, which: Ints) -> Tracks:
@@ -301,7 +301,7 @@ class Tracks:
         Tracks from arrays have no file, only a hash, and cannot be restored.
         """
         if self.source is not None:
-            return self.source
+            return {**self.source}
         digest = hashlib.sha256(self.positions.tobytes() + self.weights.tobytes()).hexdigest()
         return {"file": None, "sha256": digest}
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch.actions import Reader, checked_actions
 from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Episodes
@@ -65,7 +66,7 @@ def searches_of(policy: Any, scenario: Scenario, drones_positions: Any = None) -
     """
     if len(scenario.situation) > 1:
         raise ValueError(f"scenario must have one person, got {len(scenario.situation)}")
-    plan = None if callable(policy) else np.asarray(policy)
+    plan = None if callable(policy) else checks.numbers("policy", policy, "a policy or a plan")
     batch = SearchBatch(1, scenario=scenario, drones_positions=drones_positions, finds_last=False)
     stage, steps = _Stage(batch, View(form="parallel")), scenario.timestep_limit
     batch.reset([0])
