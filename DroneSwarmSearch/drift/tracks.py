@@ -210,7 +210,7 @@ class Tracks:
     # Files.
 
     def save(self, path: str | Path, fine: int = 2) -> None:
-        """Write a compact ``.npz`` for `read`; a `Person` with the same `fine` stays equal."""
+        """Write a compact ``.npz`` for `read`: with this `fine` and one class, the same person."""
         if Path(path).suffix != ".npz":
             raise ValueError(f"path must end in .npz, got {str(path)!r}")
         parts = np.floor((self.positions + 0.5) * checks.integer("fine", fine, 1, 4))
