@@ -30,6 +30,7 @@ from helpers import (
     plain,
     planned_actions,
     target_of,
+    wandering,
     without_history,
 )
 
@@ -312,6 +313,19 @@ def test_a_reset_replaces_the_catalogue_and_leaves_episodes_under_way_alone() ->
             twins.rewards[row] = 0.0
         play(twins, 100)
         assert twins.batch.situation.max() < 3
+
+
+def test_a_catalogue_of_drifts_replaces_one_with_tracks() -> None:
+    """Tracks in every cell need more places than the grid has, and more layers than drifts."""
+    tracks, prior = wandering(900, 12, start=(1, 1), sd=0.6, size=3), np.eye(3)
+    drift = [Person(Drift((1, 1), diffusion=0.3), 0.5)]
+    sizes = {"grid_size": 3, "timestep_limit": 12, "bayesian_update": True}
+    for other in (Drift((0, 2), diffusion=0.2), Drift(prior, diffusion=0.2)):
+        twins = Twins(4, {"situations": [[Person(tracks, 0.5)], drift], **sizes})
+        twins.reset([1, 2, 3, 4], given={"situation": [0, 1, 0, 1]})
+        twins.step([[Action.SEARCH]] * 4)
+        twins.reset(rows=[0, 2], given={"situations": [[Person(other, 0.5)]]})
+        play(twins, 30)
 
 
 def test_rows_without_a_seed_begin_from_entropy() -> None:

@@ -238,23 +238,15 @@ class Forecasts:
     Models on one grid have numbers, and an *entry* is one step of one model: step * `count` +
     number. Tables of the entries grow up to the step `last`, see `reach`. This class handles any
     models, one row at a time; subclasses are faster for models of one kind. Mass has the `shape`
-    (M, L), layers and their places: models with fewer of them than others, or than `shape` at
-    first, are padded with mass 0. With `keeps_matrices`, the matrices of all entries are a table,
-    too.
+    (M, L), layers and their places: models with fewer of them than others are padded with mass 0.
+    With `keeps_matrices`, the matrices of all entries are a table, too.
     """
 
-    def __init__(
-        self,
-        models: Sequence[DriftModel],
-        *,
-        last: int,
-        shape: tuple[int, int] = (1, 1),
-        keeps_matrices: bool,
-    ) -> None:
+    def __init__(self, models: Sequence[DriftModel], *, last: int, keeps_matrices: bool) -> None:
         self.models = tuple(models)
         self.count = len(models)
-        layers = max(shape[0], *(model.state_shape[0] for model in models))
-        self.shape = layers, max(shape[1], *(model.layer for model in models))
+        layers = max(model.state_shape[0] for model in models)
+        self.shape = layers, max(model.layer for model in models)
         self._size, self._last = models[0].grid_size, last
         empty: Singles = np.zeros((0, self._size, self._size), np.float32)
         self._matrices = empty if keeps_matrices else None

@@ -28,7 +28,6 @@ class Catalogue:
         scenarios: the searches, all with the same number of persons.
         kept: searches that episodes under way have, but new ones do not draw.
         cells: the drones' start cells in each search, (searches, n_drones), if they are its own.
-        shape: the least shape of mass, see `Forecasts`.
         complete: make the table of matrices for all steps at once.
 
     Attributes:
@@ -45,7 +44,6 @@ class Catalogue:
         scenarios: Sequence[Scenario],
         kept: Sequence[Scenario] = (),
         cells: Ints | None = None,
-        shape: tuple[int, int] = (1, 1),
         complete: bool = False,
     ) -> None:
         self.scenarios, self.choices = (*scenarios, *kept), len(scenarios)
@@ -54,7 +52,6 @@ class Catalogue:
         self.forecasts, numbers = forecasts_of(
             [model for scenario in self.scenarios for model in scenario.forecasts()],
             last=limit,
-            shape=shape,
             keeps_matrices=complete or not scenarios[0].bayesian_update,
         )
         self.numbers: Ints = numbers.reshape(len(self.scenarios), -1).T.copy()
@@ -128,8 +125,7 @@ class BatchState:
         """A catalogue for `use` that keeps the searches of episodes other than those starting."""
         going = np.delete(self.situation, starting)
         kept = [self.catalogue.scenarios[number] for number in np.unique(going)]
-        least = self.catalogue.forecasts.shape if kept else (1, 1)
-        return Catalogue(scenarios, kept, cells, least, self.catalogue.complete)
+        return Catalogue(scenarios, kept, cells, self.catalogue.complete)
 
     def use(self, catalogue: Catalogue, starting: Ints) -> None:
         """Use a catalogue from `extended`."""
