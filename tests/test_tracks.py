@@ -13,7 +13,7 @@ from helpers import wandering
 from hypothesis import given
 from hypothesis import strategies as st
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Person, Scenario, Tracks, policies
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario, Tracks, policies
 from DroneSwarmSearch.evaluation import evaluate
 
 STEPS, SIZE = 12, 5
@@ -220,6 +220,9 @@ def test_bad_parameters_are_rejected(tmp_path):
         Person(tracks, fine=5)
     with pytest.raises(ValueError, match="classes must be an integer of at least 1, got 0"):
         Person(tracks, classes=0)
+    for drifts, other in ((Drift((0, 0)), tracks), ((), "drift.nc")):
+        with pytest.raises(TypeError, match="tracks must be Tracks in place of drifts"):
+            Person(drifts, tracks=other)
     with pytest.raises(ValueError, match="timestep_limit must be at most 3, the steps of the trac"):
         Scenario(3, persons=Person(pair), timestep_limit=4)
     with pytest.raises(ValueError, match=r"held_out must leave tracks in both parts, got 0.1"):

@@ -280,6 +280,8 @@ class Person:
             object.__setattr__(self, "drifts", ())
             object.__setattr__(self, "tracks", given)
         if self.tracks is not None:
+            if self.drifts or not isinstance(self.tracks, Tracks):
+                raise TypeError(f"tracks must be Tracks in place of drifts, got {self.tracks!r}")
             self.tracks.check_number(self.fine)
             return
         what = "a Drift, a sequence of them or Tracks"

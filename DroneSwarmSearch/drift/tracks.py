@@ -73,7 +73,8 @@ class Tracks:
             is_valid = shares.shape == given.shape[1:2] and np.isfinite(shares).all()
             if not (is_valid and shares.min() >= 0.0 < shares.max()):
                 raise ValueError(f"weights must be {what}, got {weights!r:.100}")
-            if not (kept := shares > 1e-300 * shares.max()).all():  # others may become 0
+            shares = shares / shares.max()
+            if not (kept := shares > 1e-300).all():  # others may become 0
                 given, shares = given[:, kept], shares[kept]
         given, self.stranded = _without_gaps(given)
         _check_jumps(given)
