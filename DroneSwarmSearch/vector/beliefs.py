@@ -113,8 +113,9 @@ class Beliefs:
     def _of_columns(self, first: int) -> Ints:
         """The entries of each column of a tile, whose first row is given; any after the last."""
         some = self._entries[:, first : first + self._width]
-        of_columns = np.tile(some[:, :1], self._width)
+        of_columns = np.empty((len(some), self._width), np.int64)
         of_columns[:, : some.shape[1]] = some
+        of_columns[:, some.shape[1] :] = some[:, :1]
         return of_columns
 
     def _firsts(self) -> range:
