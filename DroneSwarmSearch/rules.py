@@ -205,6 +205,11 @@ def collisions(targets: Ints) -> Ints:
     return collided.T.reshape(-1).nonzero()[0]
 
 
+def affects_all(targets: Sequence[int], steps_before: int, timestep_limit: int) -> bool:
+    """Whether drones crash or the time limit is reached: else, only searches change a reward."""
+    return steps_before == timestep_limit - 1 or len({OFF_GRID, *targets}) <= len(targets)
+
+
 def outcome(
     scheme: RewardScheme,
     timestep_limit: int,

@@ -10,7 +10,7 @@ of matplotlib. `calibration`, `opendrift` and `speed` plot the measurements writ
     python examples/compare_with_opendrift.py --tracks 100000 --csv docs/figures/opendrift.csv
     python tests/benchmarks/bench_vector.py --json docs/figures/bench.json
 
-and `seas` the outcome of `python docs/make_tracks.py --compare docs/figures/seas.json`.
+and `tracks` the outcome of `python docs/make_tracks.py --compare docs/figures/tracks.json`.
 `learning` plots the curves of the training examples, `docs/training/<example>-<seed>.csv`, with the
 baselines of `own_loop.csv`, see tests/benchmarks/own_loop.py, and `results` the table of the
 leaderboard. All other figures are computed here, within seconds.
@@ -939,10 +939,10 @@ def opendrift(theme: Theme, sampling: Sampling) -> Figure:
     return chart
 
 
-@figure("seas")
-def seas(theme: Theme, sampling: Sampling) -> Figure:
+@figure("tracks")
+def tracks(theme: Theme, sampling: Sampling) -> Figure:
     """Draw maps from tracks and of constant drift, with forecast and success of the planner."""
-    scenes = json.loads((FIGURES / "seas.json").read_text("utf-8"))
+    scenes = json.loads((FIGURES / "tracks.json").read_text("utf-8"))
     chart = Figure(figsize=(WIDTH, 4.5), layout="constrained")
     panels = chart.subplots(2, len(scenes), sharex=True, sharey=True)
     for column, (name, scene) in zip(panels.T, scenes.items(), strict=True):

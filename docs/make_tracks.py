@@ -2,7 +2,7 @@
 
     python docs/make_tracks.py
     python docs/make_tracks.py --seed 1 --into held-out
-    python docs/make_tracks.py --compare docs/figures/seas.json
+    python docs/make_tracks.py --compare docs/figures/tracks.json
 
 The first command writes `tide.npz`, `eddy.npz` and `coast.npz`, 30,000 tracks each, beside the
 suite's file in `DroneSwarmSearch/evaluation/`; then run `docs/make_suite.py`, which enters their
@@ -10,7 +10,7 @@ hashes. As the searches of a published version never change, neither do these fi
 
 The second command writes new tracks of the same scenes, to test plans on. The third one makes plans
 for the suite's tracks, and for a constant drift fitted to them, and measures which share of new
-tracks they find; the figure `seas` shows the result.
+tracks they find; the figure `tracks` shows the result.
 
 A track is an object that is lost near a known position, and drifts with the current, the wind and
 the turbulence of the sea. Objects differ in their leeway. Half of them drift to the right of the

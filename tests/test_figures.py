@@ -199,7 +199,7 @@ def test_the_model_page_states_what_plans_find_off_a_coast() -> None:
 
 def test_the_guide_states_how_far_forecasts_of_changing_drift_are_from_the_finds() -> None:
     page = " ".join((DOCS / "guides" / "evaluation.md").read_text("utf-8").split())
-    scenes = json.loads((COMMITTED / "seas.json").read_text("utf-8"))
+    scenes = json.loads((COMMITTED / "tracks.json").read_text("utf-8"))
     tracks, constant = (
         [
             100 * (each[drift]["forecast"] - each[drift]["found"])

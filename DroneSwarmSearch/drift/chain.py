@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -70,6 +71,7 @@ class Chain(DriftModel):
             visited[y * grid_size + x] = True
         self.kept_cells = visited.nonzero()[0]
         self._shape = len(self.weights) * fine**2, *super().state_shape[1:]
+        self._at = lru_cache(maxsize=1)(self._states_at)  # for the next step's table
         self._steps: dict[int, _Step] = {}
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -190,7 +192,7 @@ class Chain(DriftModel):
             np.bincount(ordinal).tolist(),
         )
 
-    def _at(self, step: int) -> tuple[Ints, Ints, Ints]:
+    def _states_at(self, step: int) -> tuple[Ints, Ints, Ints]:
         """The fine cell of each track at a step, x and y, and its state."""
         size, fine = self.grid_size, self._fine
         x, y = fine_cells(self._tracks.positions[step], size, fine)

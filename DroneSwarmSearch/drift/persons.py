@@ -315,7 +315,7 @@ class Person:
 
     @property
     def vector(self) -> tuple[float, float]:
-        """The mean drift in cells per step, (x, y)."""
+        """The mean drift in cells per step, (x, y): of the search's first step; of whole tracks."""
         if self.tracks is not None:
             return self.tracks.vector
         pairs = list(zip(self.weights, self.drifts, strict=True))

@@ -69,11 +69,11 @@ def searches_of(policy: Any, scenario: Scenario, drones_positions: Any = None) -
     plan = None if callable(policy) else checks.numbers("policy", policy, "a policy or a plan")
     batch = SearchBatch(1, scenario=scenario, drones_positions=drones_positions, finds_last=False)
     stage, steps = _Stage(batch, View(form="parallel")), scenario.timestep_limit
+    rows = np.arange(1)
     batch.reset([0])
     if plan is None:
         reset_policy(policy, 0)
     for step in range(steps if plan is None else min(steps, len(plan))):
-        rows = np.arange(1)
         actions = stage.actions(policy, rows) if plan is None else plan[step][None]
         yield batch.cells[np.asarray(actions) == Action.SEARCH]
         batch.step(actions)
