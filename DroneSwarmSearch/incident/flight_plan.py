@@ -156,7 +156,6 @@ def _waypoints(incident: Incident, cells: Ints) -> Iterator[Waypoint]:
     wide = round(grid.scale.metres_per_cell / incident.swath)
     strips = (np.arange(incident.drones) % wide - (wide - 1) / 2) / wide
     points = grid.metres(cells + strips[:, None])
-    assert incident.base is not None
     base = grid.plane.metres(*incident.base)
     distances = np.hypot(*np.moveaxis(points - base, -1, 0))  # (n, drones)
     there = schedule(distances[0], speed, gap)

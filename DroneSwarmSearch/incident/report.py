@@ -108,22 +108,22 @@ class Incident:
         ValueError: a value is out of its limits.
     """
 
-    position: Pair | None = None
-    time: datetime | str | None = None
+    position: Any = None
+    time: Any = None
     position_sd: float = 926.0
     object_class: str | None = None
-    wind: Pair | Mapping[float, Pair] | None = None
-    current: Pair | Mapping[float, Pair] = (0.0, 0.0)
-    tracks: str | os.PathLike[str] | None = None
-    start: datetime | str | None = None
+    wind: Any = None
+    current: Any = (0.0, 0.0)
+    tracks: Any = None
+    start: Any = None
     drones: int = 3
     speed: float = 20.0
     swath: float = 200.0
     probability_of_detection: float = 0.8
     endurance: float = 2700.0
-    base: Pair | None = None
+    base: Any = None
     altitude: float = 100.0
-    flown: tuple[tuple[Waypoint, ...], ...] = ()
+    flown: Any = ()
 
     def __post_init__(self) -> None:
         position, time, tracks = self.position, self.time, self.tracks
@@ -166,7 +166,10 @@ class Incident:
             "endurance": checks.positive("endurance", self.endurance),
             "base": base,
             "altitude": checks.real("altitude", self.altitude, 0),
-            "flown": tuple(tuple(Waypoint(*each) for each in flight) for flight in self.flown),
+            "flown": tuple(
+                tuple(Waypoint(drone, _time("flown", when), *rest) for drone, when, *rest in flight)
+                for flight in self.flown
+            ),
         }
         if tracks is None:
             values["wind"] = _flow("wind", self.wind, FASTEST_WIND)
@@ -202,10 +205,10 @@ class Incident:
     def sentence(self) -> str:
         """The incident in a sentence."""
         who = f"Tracks of {self.tracks}" if self.tracks else f"{self.object_class}"
-        latitude, longitude = self._position
+        latitude, longitude = self.position
         text = (
             f"{who} at {abs(latitude):.4f}° {'NS'[latitude < 0]}, "
-            f"{abs(longitude):.4f}° {'EW'[longitude < 0]}, {self._time:%Y-%m-%d %H:%M} UTC"
+            f"{abs(longitude):.4f}° {'EW'[longitude < 0]}, {self.time:%Y-%m-%d %H:%M} UTC"
         )
         for name, flow in (("wind", self.wind), ("current", self.current)):
             if isinstance(flow, tuple) and any(flow) and not self.tracks:
@@ -213,7 +216,7 @@ class Incident:
                 degrees = round(math.degrees(math.atan2(*flow)) + turned) % 360
                 towards = "from" if name == "wind" else "to"
                 text += f", {name} {towards} {degrees:03}° {math.hypot(*flow) / leeway.KNOT:.2g} kn"
-        return text + f"; {self.drones} drone{'s' * (self.drones > 1)} from {self._start:%H:%M}."
+        return text + f"; {self.drones} drone{'s' * (self.drones > 1)} from {self.start:%H:%M}."
 
     def locate(self, cell: ArrayLike) -> Floats:
         """The (latitude, longitude) in degrees of cells (x, y), real numbers: (..., 2)."""
@@ -272,44 +275,10 @@ class Incident:
 
     # Files.
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the values as plain data for JSON; `from_dict` reads it."""
-        data = {each.name: getattr(self, each.name) for each in fields(self)}
-        for name in ("time", "start"):
-            data[name] = data[name].isoformat()
-        for name in ("wind", "current"):
-            if isinstance(data[name], Mapping):
-                data[name] = {f"{time:g}": flow for time, flow in data[name].items()}
-        data["flown"] = [
-            [[each.drone, each.time.isoformat(), *each[2:]] for each in flight]
-            for flight in self.flown
-        ]
-        return data
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Incident:
-        """Make an incident from the output of `to_dict`; missing values get their defaults.
-
-        Raises:
-            TypeError: a value is of the wrong type.
-            ValueError: a value is out of its limits, or there is no such value.
-        """
-        known, values = [each.name for each in fields(cls)], dict(data)
-        for name in values:
-            if name not in known:
-                raise ValueError(f"an incident has the values {', '.join(known)}, got {name!r}")
-        for name in ("wind", "current"):
-            if isinstance(values.get(name), Mapping):
-                values[name] = {float(time): flow for time, flow in values[name].items()}
-        values["flown"] = tuple(
-            tuple(Waypoint(number, _time("flown", when), *rest) for number, when, *rest in flight)
-            for flight in values.get("flown", ())
-        )
-        return cls(**values)
-
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the incident as JSON."""
-        write_text(Path(path), json.dumps(self.to_dict(), indent=1) + "\n")
+        """Write the incident as JSON, an object with its values."""
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        write_text(Path(path), json.dumps(values, indent=1, default=datetime.isoformat) + "\n")
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Incident:
@@ -319,7 +288,7 @@ class Incident:
             raise ValueError(f"{path} must hold an incident, a JSON object, got {data!r:.100}")
         if data.get("tracks"):
             data["tracks"] = str(Path(path).parent / data["tracks"])
-        return cls.from_dict(data)
+        return cls(**data)
 
     # The layout.
 
@@ -331,27 +300,27 @@ class Incident:
     @cached_property
     def layout(self) -> Layout:
         """The grid, the person on it, and when and where the search begins."""
-        plane, zero = TangentPlane(*self._position), np.zeros(2)
+        plane, zero = TangentPlane(*self.position), np.zeros(2)
         scale = Scale(self.swath, self.swath / (2 * self.speed))
         steps = scale.whole_steps(self.endurance)
         # The extent of the map in cells of a swath, with (0, 0) at the last known position.
-        person = self._person(zero, SearchGrid(plane, zero, scale, 0), self._start, steps)
+        person = self._person(zero, SearchGrid(plane, zero, scale, 0), self.start, steps)
         low, high = person.extent(steps)
         centre, widest = (low + high) / 2, float((high - low).max()) + 1
         wide = math.ceil(widest / math.sqrt(MOST_STATES / len(person.weights)))
         scale = Scale(wide * scale.metres_per_cell, wide * scale.seconds_per_step)
         size = max(math.ceil(widest / wide) + 1, LEAST_SIZE)
         # The plane touches the middle of the map, since far away north is another direction.
-        plane = TangentPlane(*_sailed(self._position, centre * (1, -1) * self.swath))
+        plane = TangentPlane(*_sailed(self.position, centre * (1, -1) * self.swath))
         position = np.rint((size - 1) / 2 - centre / wide)
         grid = SearchGrid(plane, position + centre / wide, scale, size)
         return self._timed(grid, position)
 
     def _timed(self, grid: SearchGrid, position: Floats) -> Layout:
         """The layout on a grid, given the cell of the last known position."""
-        base = grid.plane.metres(*self._base)
+        base = grid.plane.metres(*self.base)
         way = float(np.hypot(*base)) / self.speed + (self.drones - 1) * self.gap
-        guess = self._person(position, grid, self._start + _seconds(way), 1)
+        guess = self._person(position, grid, self.start + _seconds(way), 1)
         matrix = guess.model(grid.size).exact(0).reshape(-1)
         likeliest = np.argsort(-matrix, kind="stable")
         count = int(np.searchsorted(matrix[likeliest].cumsum(), STARTS_HOLD)) + 1
@@ -367,7 +336,7 @@ class Incident:
                 f"which the way to the area and back takes {(there + way) / 60:.0f}: take off "
                 "nearer, or use drones that fly longer or faster"
             )
-        first = self._start + _seconds(there)
+        first = self.start + _seconds(there)
         person = self._person(position, grid, first, limit)
         starts = tuple((x, y) for x, y in cells[nearest].tolist())
         return Layout(grid, person, starts, first, limit)
@@ -384,7 +353,7 @@ class Incident:
         begin = first - _seconds(scale.seconds(len(searched)))
         if self.tracks is not None:
             tracks = Tracks.read(
-                os.fspath(self.tracks),
+                self.tracks,
                 scale=scale,
                 origin=grid.plane.origin,
                 cell=tuple(grid.middle.tolist()),
@@ -392,40 +361,18 @@ class Incident:
                 steps=len(searched) + steps,
             )
             return Person((), detected, tracks=tracks, searched=searched)
-        assert self.object_class is not None and self.wind is not None
+        assert self.object_class is not None
         person = leeway.person(
             self.object_class,
             start=tuple(position.tolist()),
             position_sd=self.position_sd,
             wind=self.wind,
             current=self.current,
-            adrift=(begin - self._time).total_seconds(),
+            adrift=(begin - self.time).total_seconds(),
             scale=scale,
             probability_of_detection=detected,
         )
         return replace(person, searched=searched)
-
-    # Validated values.
-
-    @property
-    def _position(self) -> Pair:
-        assert self.position is not None
-        return self.position
-
-    @property
-    def _base(self) -> Pair:
-        assert self.base is not None
-        return self.base
-
-    @property
-    def _time(self) -> datetime:
-        assert isinstance(self.time, datetime)
-        return self.time
-
-    @property
-    def _start(self) -> datetime:
-        assert isinstance(self.start, datetime)
-        return self.start
 
 
 def _seconds(seconds: float) -> timedelta:
