@@ -27,6 +27,7 @@ STEPS = np.array([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800])
 HEAD = {"arrowstyle": "-|>,head_length=.5,head_width=.25", "linewidth": 0, "shrinkB": 0}
 BLACK = {"arrowstyle": "simple", "color": "black", "shrinkB": 0}
 BOX = {"facecolor": "white", "edgecolor": "none", "boxstyle": "round,pad=.1"}
+SIGN: Any = {"color": "black", "linestyle": "", "markersize": 10}
 CENTRED = {"ha": "center", "va": "center_baseline", "fontsize": 7.5}
 STYLE = {
     "axes.grid": True,
@@ -78,10 +79,9 @@ def draw(plan: FlightPlan) -> Figure:
     _graticule(axes, incident.locate)
     arrow = {"arrowstyle": "simple,head_width=.8,tail_width=.3", "facecolor": "white"}
     axes.annotate("", means[1], means[0], arrowprops=arrow | {"shrinkA": 0, "shrinkB": 0}, zorder=6)
-    sign: Any = {"color": "black", "linestyle": "", "markersize": 10}
     drift = f"mean drift {_course(cell * (means[1] - means[0]))}"
-    axes.plot([], [], marker=r"$\Rightarrow$", label=drift, **sign)
-    axes.plot([], [], marker="$10$", label=f"minutes since {start:%H:%M}", **sign)
+    axes.plot([], [], marker=r"$\Rightarrow$", label=drift, **SIGN)
+    axes.plot([], [], marker="$10$", label=f"minutes since {start:%H:%M}", **SIGN)
     up = 9 if known[1] <= base[1] else -9  # the name of the northern place above it
     _place(axes, known, "oP", f"last known position, {incident.time:%H:%M}", up, cell)
     _place(axes, base, "s", f"take-off, {start:%H:%M}", -up, cell)
@@ -100,7 +100,7 @@ def draw(plan: FlightPlan) -> Figure:
             axes.annotate("", tip, tail, arrowprops=HEAD | {"color": colour})
         look: Any = {"color": colour, "zorder": 8, "clip_on": True, **CENTRED}
         circle = {"boxstyle": "circle", "facecolor": "white", "edgecolor": colour}
-        axes.text(*track[first], f"{drone + 1}", bbox=circle, **look | {"zorder": 10})
+        axes.text(*track[first], f"{drone + 1}", bbox=circle, **look)
         marked.append(track[first])
         times = np.arange(np.ceil(minutes[0] / step), minutes[-1] / step) * step
         for time, at in zip(times, _between(track, minutes, times), strict=True):
@@ -174,16 +174,16 @@ def _place(axes: Any, at: Floats, symbols: str, name: str, up: int, cell: float)
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     middle = np.array([left + right, bottom + top]) / 2
     away = 2 * (at - middle) / (right - left, bottom - top)
-    is_right = bool(away[0] > 0)
-    look: Any = {"ha": ("left", "right")[is_right], "va": "center", "bbox": BOX, "zorder": 9}
     if (beyond := abs(away).max()) > 1:
-        tip, tail = (middle + (at - middle) * share / beyond for share in (0.98, 0.88))
-        name = f"{name}\n{_course(cell * (at - tip))}"
-        axes.annotate(name, tip, tail, arrowprops=BLACK | {"relpos": (is_right, 0.5)}, **look)
+        tip, tail = (middle + (at - middle) * share / beyond for share in (0.99, 0.89))
+        axes.annotate("", tip, tail, arrowprops=BLACK | {"shrinkA": 0}, zorder=9)
+        label = f"{name}: {_course(cell * (at - tip))}"
+        axes.plot([], [], marker=r"$\rightarrow$", label=label, **SIGN)
         return
     for symbol in symbols:
         axes.plot(*at, f"k{symbol}", markerfacecolor="white", markersize=9, zorder=9)
-    offset = (-9 if is_right else 9, up)
+    look: Any = {"va": "center", "bbox": BOX, "zorder": 9}
+    look["ha"], offset = ("left", (9, up)) if away[0] < 0 else ("right", (-9, up))
     axes.annotate(name, at, offset, textcoords="offset points", **look)
 
 
