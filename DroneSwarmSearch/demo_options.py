@@ -125,7 +125,7 @@ def search_of(options: argparse.Namespace) -> NamedSearch:
     checks.real("--fps", options.fps, FPS_LEAST, FPS_MOST)
     if options.search is not None:
         return search(options.search).with_posterior(not options.prior)
-    scale = None
+    scale, reason = None, "Described by options."
     if options.object_class is None:
         scenario = Scenario(
             24, vector=(0.16, 0.08), person_initial_position=((6, 9),), disperse_constant=2.0
@@ -134,6 +134,9 @@ def search_of(options: argparse.Namespace) -> NamedSearch:
         speed = checks.positive("--drone-speed", options.drone_speed)
         scale = Scale.for_drone(speed, checks.positive("--cell", options.cell))
         scenario = _incident(options, scale)
+        wind = "wind from {:g}° at {:g} knots".format(*options.wind)
+        what = leeway.CLASSES[options.object_class].description
+        reason = f"{what}; {options.adrift / 60:.0f} minutes adrift, {wind}."
     size = scenario.grid_size
     scenario = scenario.replace(
         n_drones=checks.integer("--drones", options.drones, 1, 4 * (size - 1)),
@@ -142,7 +145,7 @@ def search_of(options: argparse.Namespace) -> NamedSearch:
     )
     drones = _around_the_border(scenario.n_drones, size)
     name = options.object_class or f"{size} x {size} cells"
-    return NamedSearch(name, "Described by options.", scenario, drones, scale)
+    return NamedSearch(name, reason, scenario, drones, scale)
 
 
 def _around_the_border(n_drones: int, grid_size: int) -> tuple[Cell, ...]:

@@ -238,7 +238,9 @@ class TestIncident:
         assert demo.main(["--text", *INCIDENT, "--adrift", "600", "--seed", "1"]) == 0
         captured = capsys.readouterr()
         assert captured.err == ""
-        assert captured.out.splitlines()[1] == "hypotheses: 50% 50%"
+        first, second = captured.out.splitlines()[:2]
+        assert first.startswith("minute 0/17 | drift E ")
+        assert second == "hypotheses: 50% 50%"
         summary = figures(captured.out)
         assert summary["persons found"] == "1 of 1"
         assert re.fullmatch(r"\d+\.\d% \(probability of success\)", summary["POS"])
@@ -256,6 +258,7 @@ class TestIncident:
         )
         vector = np.mean([drift.vector for drift in person.drifts], axis=0)
         assert last.vector == pytest.approx(vector)
+        assert last.scale == Scale(100, 20)
 
     @pytest.mark.parametrize("adrift", ["0", "1800", "7200"])
     def test_the_grid_is_around_the_forecast(self, adrift, capsys, monkeypatch):
@@ -306,6 +309,20 @@ class TestWindow:
         perform(monkeypatch, script)
         assert demo.main(["pond"]) == 0
         assert sizes[1] > sizes[0] == sizes[2]
+
+    def test_the_reason_of_a_search_at_sea_is_below_the_map(self, tmp_path, monkeypatch):
+        heights = []
+
+        def script(player: Player) -> Iterator[str]:
+            yield ""
+            heights.append(pygame.display.get_surface().get_height())
+
+        shown = perform(monkeypatch, script)
+        monkeypatch.setattr(pygame.display, "get_desktop_sizes", lambda: [(1920, 1080)])
+        for scale in (None, {"metres_per_cell": 150, "seconds_per_step": 10}):
+            demo.main([search_file(tmp_path, reason="A swimmer is missing.", scale=scale)])
+        assert {frame.scale for frame in shown} == {None, Scale(150, 10)}
+        assert heights[1] > heights[0]
 
     def test_the_next_seed_is_that_of_the_option(self, capsys, monkeypatch):
         def script(player: Player) -> Iterator[str]:
