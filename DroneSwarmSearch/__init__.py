@@ -35,6 +35,7 @@ _SUBMODULES = (
     "drift",
     "drone_swarm_search_v0",
     "evaluation",
+    "incident",
     "leeway",
     "planning",
     "policies",

@@ -22,6 +22,18 @@ PROGRAM = "python -m DroneSwarmSearch"
 # A summary, a description and examples of each.
 COMMANDS = {
     "play": "watch a search in a window or in the terminal, or fly a drone; the default",
+    "plan": """\
+plan flights for an incident: waypoints, files for maps, a printed map
+
+Plan where drones fly to find somebody who drifts at sea. The folder holds the plan as GPX, KML,
+GeoJSON and CSV, a map to print, and incident.json to run it again.
+
+examples:
+  droneswarmsearch plan --position 54.18 7.85 --time 2026-03-01T05:30Z --object LIFE-RAFT-SB-6 \\
+      --wind 300 25kn --current 160 0.5kn --drones 3 --out plan
+  droneswarmsearch plan --incident plan/incident.json --drones 4 --out more
+  droneswarmsearch plan --after plan --out second
+""",
     "evaluate": """\
 evaluate a policy on searches of the suite
 
@@ -148,8 +160,13 @@ def _parser() -> argparse.ArgumentParser:
         command = commands.add_parser(
             name, help=summary, description=description, epilog=more, formatter_class=FORMAT
         )
-        command.set_defaults(command=name, parser=command)
-        if name in ("record", "export"):
+        command.set_defaults(command=name, parser=command, action=None)
+        if name == "plan":
+            from DroneSwarmSearch.incident.command import add_arguments, run
+
+            add_arguments(command)
+            command.set_defaults(action=run)
+        elif name in ("record", "export"):
             _add_files(command, name)
         else:
             _add_results(command, name)

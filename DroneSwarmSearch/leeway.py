@@ -266,7 +266,7 @@ def person(
         ValueError: an argument is out of its limits, the class is unknown, or the steps are
             too long or the cells too small for the diffusivity.
     """
-    kind = _class_of(object_class)
+    kind = class_of(object_class)
     if not isinstance(scale, Scale):
         raise TypeError(f"scale must be a Scale, got {scale!r}")
     if hypotheses_per_side is not None:
@@ -310,7 +310,8 @@ def person(
     return result
 
 
-def _class_of(object_class: object) -> ObjectClass:
+def class_of(object_class: object) -> ObjectClass:
+    """An object class by its key, or one of your own; an error names the nearest keys."""
     if isinstance(object_class, ObjectClass):
         return object_class
     if not isinstance(object_class, str):

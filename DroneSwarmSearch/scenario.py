@@ -297,11 +297,13 @@ def checked_persons(
         if not isinstance(person, Person):
             raise TypeError(f"{name}[{index}] must be a Person, got {person!r}")
         person.check_grid(grid_size, f"{name}[{index}]")
-        if person.tracks is not None and person.tracks.steps < timestep_limit:
-            raise ValueError(
-                f"timestep_limit must be at most {person.tracks.steps}, the steps of the tracks of "
-                f"{name}[{index}], got {timestep_limit}"
-            )
+        if person.tracks is not None:
+            most = person.tracks.steps - len(person.searched)
+            if most < timestep_limit:
+                raise ValueError(
+                    f"timestep_limit must be at most {most}, the steps of the tracks of "
+                    f"{name}[{index}], got {timestep_limit}"
+                )
         checked.append(person)
     return tuple(checked)
 

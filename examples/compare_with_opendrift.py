@@ -236,7 +236,7 @@ def print_row(
 
 COAST_COLUMNS = ("person", "policy", "forecast", "found")
 
-PLACE = (4.87, 60.25)  # the last known position in degrees, off the islands west of Bergen
+PLACE = (60.25, 4.87)  # the last known position in degrees, off the islands west of Bergen
 EDDY, EDDY_RADIUS, EDDY_SPEED = (4.89, 60.235), 4000, 0.4  # degrees, m, m/s; fastest at the radius
 ADRIFT = Incident("SKIFF-3", (7.0, -1.0), position_sd=700, diffusivity=5, adrift=3600)
 COAST_SCALE, COAST_STEPS, COAST_CELL = Scale(250, 25), 432, (22, 26)  # three hours
@@ -278,7 +278,7 @@ def tracks_at_the_coast(path: Path, seed: int, options: argparse.Namespace) -> T
     turbulence = float(np.sqrt(2 * ADRIFT.diffusivity / TRACK_SECONDS))
     model.set_config("drift:current_uncertainty", turbulence)
     numbers = {row["OBJKEY"]: number for number, row in model.leewayprop.items()}
-    place = {"lon": PLACE[0], "lat": PLACE[1], "radius": ADRIFT.position_sd, "time": released}
+    place = {"lat": PLACE[0], "lon": PLACE[1], "radius": ADRIFT.position_sd, "time": released}
     objects = {"number": options.tracks, "jibe_probability": options.jibing}
     model.seed_elements(**place, **objects, object_type=numbers[ADRIFT.object_class])
     duration = timedelta(seconds=ADRIFT.adrift + COAST_SCALE.seconds(COAST_STEPS))
@@ -301,7 +301,7 @@ def search_at_the_coast(options: argparse.Namespace) -> list[tuple[object, ...]]
         )
     print(fitted)
     known = {**ADRIFT._asdict(), "start": COAST_CELL, "scale": COAST_SCALE}
-    known |= {"current": current(*PLACE), "jibing": options.jibing}
+    known |= {"current": current(*PLACE[::-1]), "jibing": options.jibing}
     persons = {
         "leeway.person": leeway.person(**known, probability_of_detection=DETECTION),
         "Person(tracks)": Person(fitted, DETECTION),

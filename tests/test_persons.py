@@ -81,8 +81,8 @@ def test_a_series_has_a_row_for_each_step_until_the_last_change():
 
 
 def test_the_vector_of_a_person_is_that_of_the_first_step_of_the_search():
-    assert TIDE.first_vector == pytest.approx((0, 0.1))
-    assert Drift((3, 4), vector=TIDE.vector, adrift=99).first_vector == (-0.4, 0.2)
+    assert TIDE.vector_in(0) == pytest.approx((0, 0.1))
+    assert Drift((3, 4), vector=TIDE.vector, adrift=99).vector_in(0) == (-0.4, 0.2)
     person = Person([TIDE, Drift((0, 0), vector=(0.2, 0.1), weight=3)])
     assert person.vector == pytest.approx((0.15, 0.1))
 

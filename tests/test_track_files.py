@@ -81,7 +81,7 @@ def write(
 
 
 def read(path: Path, **options: Any) -> Tracks:
-    return Tracks.read(path, **{"scale": SCALE, "origin": ORIGIN, **options})
+    return Tracks.read(path, **{"scale": SCALE, "origin": ORIGIN[::-1], **options})
 
 
 # Where and when.
@@ -93,7 +93,9 @@ def test_positions_are_those_of_the_ellipsoid(tmp_path: Path, origin: tuple[floa
     rng = np.random.default_rng(0)
     ends = np.array(origin) + rng.uniform(-0.02, 0.02, (50, 1, 2))
     wrapped = np.where(abs(ends) < 180, ends, ends - 360 * np.sign(ends))  # at 180 degrees
-    tracks = read(write(tmp_path / "a.nc", np.repeat(wrapped, 4, 1)), origin=origin, cell=(9, 7))
+    tracks = read(
+        write(tmp_path / "a.nc", np.repeat(wrapped, 4, 1)), origin=origin[::-1], cell=(9, 7)
+    )
 
     def earth(degrees: Any) -> Any:
         """Earth-centred coordinates in metres, on the WGS 84 ellipsoid."""
@@ -281,8 +283,8 @@ NAIVE = datetime(2026, 6, 1, 12)
     [
         ({"scale": None}, TypeError, "scale must be a Scale, got None"),
         ({"scale": (200, 60)}, TypeError, "scale must be a Scale, got (200, 60)"),
-        ({"origin": None}, TypeError, "origin must be (longitude, latitude) in degrees, got None"),
-        ({"origin": (1, 2, 3)}, ValueError, "origin must be (longitude, latitude) in degrees, got"),
+        ({"origin": None}, TypeError, "origin must be (latitude, longitude) in degrees, got None"),
+        ({"origin": (1, 2, 3)}, ValueError, "origin must be (latitude, longitude) in degrees, got"),
         ({"origin": (4.8, "60 N")}, TypeError, "origin[1] must be a finite number, got '60 N'"),
         ({"cell": 3}, TypeError, "cell must be two finite numbers (x, y), got 3"),
         ({"start": NAIVE}, ValueError, "start must be a datetime with a time zone, got datetime"),

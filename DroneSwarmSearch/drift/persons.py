@@ -162,12 +162,18 @@ class Drift:
         )
         return x, y
 
-    @property
-    def first_vector(self) -> tuple[float, float]:
-        """The mean drift in the first step of the search, (x, y)."""
+    def vector_in(self, step: int) -> tuple[float, float]:
+        """The mean drift in a step of the search, (x, y)."""
         rows = np.atleast_2d(np.asarray(self.vector))
-        x, y = rows[min(self.adrift, len(rows) - 1)].tolist()
+        x, y = rows[min(self.adrift + step, len(rows) - 1)].tolist()
         return x, y
+
+    def spread(self, step: int) -> Floats:
+        """The mean (x, y) and the standard deviations (x, y) at a step: float64, (2, 2).
+
+        On a grid without borders; the start must not be an array.
+        """
+        return np.array([_normal(axis, axis.start or 0.0, step) for axis in self.axes]).T
 
     @cached_property
     def key(self) -> tuple[object, ...]:
@@ -255,6 +261,9 @@ class Person:
             entry from then on; never increasing. Any array or sequence; a tuple is kept. Plans,
             policies, `RewardScheme.expected` and `Evaluation.success_alive` weigh finds by it; it
             does not change who is found. None: always alive.
+        searched: earlier searches that found nobody: for each step before the search begins, the
+            different cells (x, y) that were searched. Drifts and tracks begin that many steps
+            earlier, and the matrix is the posterior.
 
     Raises:
         TypeError: a value is of the wrong type.
@@ -267,12 +276,15 @@ class Person:
     fine: int = field(default=2, kw_only=True)
     classes: int = field(default=1, kw_only=True)
     survival: Sequence[float] | Floats | None = field(default=None, kw_only=True, repr=False)
+    searched: Sequence[Sequence[tuple[int, int]]] = field(default=(), kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         detection = checks.real("probability_of_detection", self.probability_of_detection, 0, 1)
         object.__setattr__(self, "probability_of_detection", detection)
         if self.survival is not None:
             object.__setattr__(self, "survival", _survival(self.survival))
+        steps = checks.items("searched", self.searched, "cells (x, y) for each step")
+        object.__setattr__(self, "searched", tuple(map(_cells_of_step, enumerate(steps))))
         checks.integer("fine", self.fine, 1, 4)
         checks.integer("classes", self.classes, 1)
         given: object = self.drifts
@@ -320,27 +332,36 @@ class Person:
             return self.tracks.vector
         pairs = list(zip(self.weights, self.drifts, strict=True))
         x, y = (
-            sum(weight * drift.first_vector[axis] for weight, drift in pairs) for axis in (0, 1)
+            sum(weight * drift.vector_in(len(self.searched))[axis] for weight, drift in pairs)
+            for axis in (0, 1)
         )
         return x, y
 
     @property
     def key(self) -> tuple[object, ...]:
         """A hashable key of the drifts and weights; equal for equal forecasts."""
+        earlier = self.searched and (self.searched, self.probability_of_detection)
         if self.tracks is not None:
-            return self.tracks, self.fine, self.classes
-        return (*(drift.key for drift in self.drifts), self.weights)
+            return self.tracks, self.fine, self.classes, earlier
+        return (*(drift.key for drift in self.drifts), self.weights, earlier)
 
     def model(self, grid_size: int) -> DriftModel:
         """The person's drift model; another kind of person returns its own here."""
         from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+        from DroneSwarmSearch.drift.resumed import Resumed
 
+        model: DriftModel
         if self.tracks is not None:
-            return self.tracks.chain(grid_size, self.fine, self.classes)
-        return ProbabilityMatrix(grid_size, self)
+            model = self.tracks.chain(grid_size, self.fine, self.classes)
+        else:
+            model = ProbabilityMatrix(grid_size, self)
+        return Resumed(model, self) if self.searched else model
 
     def check_grid(self, grid_size: int, name: str = "person") -> None:
         """`Drift.check_grid` of all drifts; `name` is that of this person."""
+        for step, cells in enumerate(self.searched):
+            for cell in cells:
+                checks.cell(f"{name}.searched[{step}]", cell, grid_size)
         if self.tracks is not None:
             return
         for place, drift in enumerate(self.drifts):
@@ -348,10 +369,27 @@ class Person:
 
     def mass_beyond(self, grid_size: int, step: int) -> float:
         """The mean of `Drift.mass_beyond` over the drifts, by weight; or the share of tracks."""
+        step += len(self.searched)
         if self.tracks is not None:
             return self.tracks.mass_beyond(grid_size, step)
         beyond = [drift.mass_beyond(grid_size, step) for drift in self.drifts]
         return math.fsum(w * mass for w, mass in zip(self.weights, beyond, strict=True))
+
+    def extent(self, last: int) -> Floats:
+        """Corners (x, y) of a rectangle that holds more than 99% of every forecast up to a step.
+
+        float64, (2, 2), in cells, on a grid without borders; no start may be an array.
+        """
+        steps = _some_steps(last)
+        if self.tracks is not None:
+            parts = [self.tracks.positions[min(step, self.tracks.steps)] for step in steps]
+            corners = np.array([np.quantile(part, (0.001, 0.999), axis=0) for part in parts])
+        else:
+            spreads = np.array([[each.spread(step) for each in self.drifts] for step in steps])
+            means, deviations = np.moveaxis(spreads, 2, 0)
+            ends = [means - 3 * deviations, means + 3 * deviations]
+            corners = np.stack(ends, axis=2).reshape(-1, 2, 2)
+        return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the values as plain data for JSON; `from_dict` reads it.
@@ -361,6 +399,8 @@ class Person:
         data: dict[str, Any] = {"probability_of_detection": self.probability_of_detection}
         if self.survival is not None:
             data["survival"] = list(self.survival)
+        if self.searched:
+            data["searched"] = [[list(cell) for cell in cells] for cells in self.searched]
         if self.tracks is None:
             return {"drifts": [drift.to_dict() for drift in self.drifts], **data}
         return {"tracks": self.tracks.to_dict(), "fine": self.fine, "classes": self.classes, **data}
@@ -385,10 +425,10 @@ def warn_of_mass_beyond(
 ) -> None:
     """Warn if more than 1% of a person's forecast lies beyond the grid within the time limit."""
     last = checks.integer("timestep_limit", timestep_limit, 1, checks.LARGEST_EXACT)
-    # A forecast comes and goes smoothly, so a few steps are enough.
-    steps = {round(last * part / (_SAMPLED_STEPS - 1)) for part in range(_SAMPLED_STEPS)}
     beyond, step = max(
-        (person.mass_beyond(grid_size, step), -step) for person in persons for step in steps
+        (person.mass_beyond(grid_size, step), -step)
+        for person in persons
+        for step in _some_steps(last)
     )
     if beyond > MASS_BEYOND:
         warnings.warn(
@@ -396,6 +436,21 @@ def warn_of_mass_beyond(
             f"{grid_size} cells at step {-step}: take a larger grid, or larger cells",
             stacklevel=stacklevel + 1,
         )
+
+
+def _some_steps(last: int) -> set[int]:
+    """A few steps from the first to the last: a forecast comes and goes smoothly."""
+    return {round(last * part / (_SAMPLED_STEPS - 1)) for part in range(_SAMPLED_STEPS)}
+
+
+def _cells_of_step(entry: tuple[int, object]) -> tuple[tuple[int, int], ...]:
+    """The different cells (x, y) that were searched in a step."""
+    name = f"searched[{entry[0]}]"
+    cells = checks.items(name, entry[1], "different cells (x, y)")
+    found = tuple(checks.cell(name, cell, checks.LARGEST_EXACT) for cell in cells)
+    if len(set(found)) < len(found):
+        raise ValueError(f"{name} must be different cells (x, y), got {found}")
+    return found
 
 
 def _start(
@@ -502,13 +557,18 @@ def _displaced(rate: float | tuple[float, ...], tau: float) -> float:
     return sum(rate[:known]) + rate[known] * (tau - known)
 
 
-def _within(grid_size: int, starts: NDArray[Any], axis: AxisDrift, step: int) -> Floats:
-    """The probability of staying within the grid along an axis, for each of some starts."""
+def _normal(axis: AxisDrift, starts: Any, step: int) -> tuple[Any, float]:
+    """The means, for each of some starts, and the standard deviation along an axis."""
     tau = float(axis.adrift + step)
     shift = min(max(_displaced(axis.velocity, tau), -_LARGE), _LARGE)
-    mean = np.clip(starts + shift, -_LARGE, _LARGE)
     by_drift = _displaced(axis.velocity_sd, tau)
     deviation = math.hypot(axis.start_sd, math.sqrt(axis.diffusion * tau), by_drift)
+    return np.clip(starts + shift, -_LARGE, _LARGE), deviation
+
+
+def _within(grid_size: int, starts: NDArray[Any], axis: AxisDrift, step: int) -> Floats:
+    """The probability of staying within the grid along an axis, for each of some starts."""
+    mean, deviation = _normal(axis, starts, step)
     if deviation == 0.0:
         within: Floats = ((mean >= -0.5) & (mean < grid_size - 0.5)).astype(np.float64)
         return within

@@ -35,6 +35,9 @@ CACHE_BYTES = 16 * 2**20
 _BLOCK_STEPS = 32
 _BLOCK_BYTES = 4 * 2**20
 
+_LARGEST_DENSE = 64
+"""The largest grid on which products with transition matrices are fast."""
+
 _MATRICES_BYTES = 2**28
 """The largest transition matrices that a forecast keeps."""
 
@@ -128,11 +131,17 @@ class ProbabilityMatrix(DriftModel):
     # The steps of a distribution.
 
     def forward(self, mass: Floats, step: int) -> Floats:
+        if self.grid_size > _LARGEST_DENSE:
+            return self.drift(mass, step)
         along_x, along_y = self.matrices(step)
         moved: Floats = along_y.swapaxes(-1, -2) @ mass @ along_x
         return moved
 
     def backward(self, value: Floats, step: int) -> Floats:
+        if self.grid_size > _LARGEST_DENSE:
+            moves = self._moves(step)
+            by_column = _expected(value, moves[:, :, 1]).swapaxes(1, 2)
+            return _expected(by_column, moves[:, :, 0]).swapaxes(1, 2)
         along_x, along_y = self.matrices(step)
         expected: Floats = along_y @ value @ along_x.swapaxes(-1, -2)
         return expected
@@ -243,3 +252,12 @@ class ProbabilityMatrix(DriftModel):
         assert block is not None
         self._block = block
         return block
+
+
+def _expected(value: Floats, moves: Floats) -> Floats:
+    """The expected value before a move along the rows, (M, N, N), of `_moves` along one axis."""
+    stays, higher, lower = moves[..., None]
+    expected: Floats = stays * value
+    expected[:, :-1] += higher[:, :-1] * value[:, 1:]
+    expected[:, 1:] += lower[:, 1:] * value[:, :-1]
+    return expected

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.drift.scale import Scale
 
 __all__ = ["positions"]
@@ -17,9 +18,6 @@ Pair = tuple[float, float]
 
 USUAL = {"lon": "longitude", "lat": "latitude"}
 """Names of variables without a standard name."""
-
-EQUATOR, ECCENTRICITY2 = 6378137.0, 0.00669437999014
-"""Of the WGS 84 ellipsoid: the radius in metres, and the square of the eccentricity."""
 
 
 def positions(
@@ -47,13 +45,25 @@ def positions(
             f"start={start} and steps={steps} of {scale.seconds_per_step:g} s"
         )
     times: Any = begin + scale.seconds_per_step * np.arange((steps or covered) + 1)
-    cells = _cells(degrees, scale, origin, cell)
+    longitude, latitude = degrees
+    metres = TangentPlane(*origin).metres(latitude, longitude)
+    cells = metres * (1, -1) / scale.metres_per_cell + cell
     tracks, adrift, lost = _tracked(cells, seconds, times, stranded)
     if diffusivity:
         deviation, shape = np.sqrt(scale.diffusion(diffusivity)), tracks[1:].shape
         moves = np.random.default_rng(seed).normal(0.0, deviation, shape) * adrift[:-1, :, None]
         tracks[1:] += moves.cumsum(axis=0)
     return tracks, int(np.sum(~adrift[-1])), lost
+
+
+def first_known(path: Path) -> tuple[Pair, datetime]:
+    """The mean (latitude, longitude) of the first positions of a file, and their time."""
+    degrees, seconds, _ = _read(path)
+    known = int(np.flatnonzero(np.isfinite(degrees[0]).any(axis=1))[0])
+    longitude, latitude = np.radians(degrees[:, known])
+    middle = np.nanmean(np.exp(1j * longitude))  # also at the date line
+    position = np.degrees([np.nanmean(latitude), np.angle(middle)]).tolist()
+    return (position[0], position[1]), datetime.fromtimestamp(seconds[known], timezone.utc)
 
 
 def _read(path: Path) -> tuple[Floats, Floats, Flags]:
@@ -99,17 +109,6 @@ def _read(path: Path) -> tuple[Floats, Floats, Flags]:
                 f"got {', '.join(data.variables) or 'none'}: {error!r}"
             ) from None
     return degrees, np.array(seconds), stranded
-
-
-def _cells(degrees: Floats, scale: Scale, origin: Pair, cell: Pair) -> Floats:
-    """Positions in cells, (times, P, 2), with degrees as long as they are at the origin."""
-    phi = np.radians(origin[1])
-    curved = 1 - ECCENTRICITY2 * np.sin(phi) ** 2
-    radii = EQUATOR / np.sqrt(curved) * np.array([np.cos(phi), (1 - ECCENTRICITY2) / curved])
-    east, north = (degrees[0] - origin[0] + 180) % 360 - 180, degrees[1] - origin[1]
-    metres = np.radians(np.stack([east, -north], axis=-1)) * radii
-    cells: Floats = metres / scale.metres_per_cell + cell
-    return cells
 
 
 def _tracked(

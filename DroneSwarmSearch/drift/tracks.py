@@ -38,7 +38,7 @@ class Tracks:
     A `Person` made of tracks drifts as they do, whatever moved them: currents, tides, a wind that
     veers, a coast::
 
-        tracks = Tracks.read("drift.nc", scale=scale, origin=(4.8, 60.1), cell=(30, 30))
+        tracks = Tracks.read("drift.nc", scale=scale, origin=(60.1, 4.8), cell=(30, 30))
         fitted, held_out = tracks.split()
         scenario = Scenario(61, persons=Person(fitted, probability_of_detection=0.8))
 
@@ -245,7 +245,7 @@ class Tracks:
         Args:
             path: a file that ends in ``.npz`` is one of `save`, and takes no other arguments.
             scale: the size of cells and the duration of steps.
-            origin: the position (longitude, latitude) in degrees of the middle of `cell`.
+            origin: the position (latitude, longitude) in degrees of the middle of `cell`.
             cell: a cell (x, y) of the grid; north is up.
             start: when the search begins, with its time zone; by default the file's first time.
             steps: the number of steps; by default as many as the file covers.
@@ -274,7 +274,7 @@ class Tracks:
                 error = ValueError if isinstance(start, datetime) else TypeError
                 raise error(f"start must be a datetime with a time zone, got {start!r}")
             arguments = {
-                "origin": checks.pair("origin", origin, "(longitude, latitude) in degrees"),
+                "origin": checks.pair("origin", origin, "(latitude, longitude) in degrees"),
                 "cell": checks.pair("cell", cell),
                 "start": start and start.isoformat(),
                 "steps": None if steps is None else checks.integer("steps", steps, 1),

@@ -32,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
     """Run a command and return its exit code; errors that this package raises take one line."""
     code = FAILED
     try:
-        _COMMANDS[options.command](options)
+        (options.action or _COMMANDS[options.command])(options)
         return 0
     except KeyboardInterrupt:
         reason, code = "interrupted", INTERRUPTED

@@ -6,6 +6,9 @@ For gains G[t](c) of searching cell c in step t, the value of being in a cell is
 
 since a drone either searches its cell or moves by one cell in a step (R. Bellman, Dynamic
 Programming, 1957). One pass computes the values of all cells, for drones anywhere.
+
+Drones that search in flight take two steps to cross a cell: they search it in one step, which is
+why they *stay*, and may move in the next.
 """
 
 from __future__ import annotations
@@ -36,13 +39,19 @@ class Path(NamedTuple):
     searches: Flags
 
 
-def values_to_go(gains: Floats, at_end: Floats, blocked: Sequence[Sequence[int]] = ()) -> Floats:
+def values_to_go(
+    gains: Floats,
+    at_end: Floats,
+    blocked: Sequence[Sequence[int]] = (),
+    stays: Flags | None = None,
+) -> Floats:
     """The most that a drone can gain from each step and cell on: float64, (n + 1, N, N).
 
     Args:
         gains: of searching a cell in a step, at least 0: shape (n, N, N), indexed [t, y, x].
         at_end: the value of each cell after the last step, (N, N); may be `FORBIDDEN`.
         blocked: for each step, the cells that the drone must not be in after it; none by default.
+        stays: for each step, whether the drone must stay and search; by default, it is free.
     """
     n = len(gains)
     values = np.empty((n + 1, *at_end.shape))
@@ -54,6 +63,8 @@ def values_to_go(gains: Floats, at_end: Floats, blocked: Sequence[Sequence[int]]
             ahead.reshape(-1)[blocked[step]] = FORBIDDEN
         # Gains are never negative, so searching is no worse than idling.
         np.add(gains[step], ahead, out=here)
+        if stays is not None and stays[step]:
+            continue
         np.maximum(here[1:], ahead[:-1], out=here[1:])
         np.maximum(here[:-1], ahead[1:], out=here[:-1])
         np.maximum(here[:, 1:], ahead[:, :-1], out=here[:, 1:])
@@ -62,7 +73,11 @@ def values_to_go(gains: Floats, at_end: Floats, blocked: Sequence[Sequence[int]]
 
 
 def best_path(
-    gains: Floats, values: Floats, start: int, blocked: Sequence[Sequence[int]] = ()
+    gains: Floats,
+    values: Floats,
+    start: int,
+    blocked: Sequence[Sequence[int]] = (),
+    stays: Flags | None = None,
 ) -> Path:
     """A path that gains as much as possible, given the result of `values_to_go`.
 
@@ -73,6 +88,9 @@ def best_path(
     cells[0] = here = start
     flat_gains, flat_values = gains.reshape(n, -1), values.reshape(n + 1, -1)
     for step in range(n):
+        if stays is not None and stays[step]:
+            cells[step + 1], searches[step] = here, True
+            continue
         ahead = flat_values[step + 1]
         closed = blocked[step] if blocked else ()
         best, target = FORBIDDEN, here

@@ -60,16 +60,26 @@ def idle_paths(starts: Sequence[int], steps: int) -> list[Path]:
 class Plan:
     """The drones' paths over the next n steps, from the episode's step `first` on.
 
+    With `in_flight`, drones search in every even step of the episode, and in no other.
+
     Attributes:
         paths: the current paths; no two drones are ever in one cell.
         work: the work done to improve the plan, in steps times cells.
         round_work: the work of one round of improvement with short segments, about.
     """
 
-    def __init__(self, targets: Sequence[Target], first: int, paths: Sequence[Path]) -> None:
+    def __init__(
+        self,
+        targets: Sequence[Target],
+        first: int,
+        paths: Sequence[Path],
+        *,
+        in_flight: bool = False,
+    ) -> None:
         self.work, self._steps, self._size = 0, len(targets[0].worth), targets[0].belief.shape[-1]
         self.paths = [Path(path.cells.copy(), path.searches.copy()) for path in paths]
         self._passes = [Passes(target, first, self.paths) for target in targets]
+        self._stays = np.arange(first, first + self._steps) % 2 == 0 if in_flight else None
         cells = sum(target.belief.size for target in targets)
         self.round_work = len(paths) * self._steps * (STEP_WORK + cells)
 
@@ -136,13 +146,17 @@ class Plan:
         """
         old = self._segment(drone, begin, end)
         start, goal = int(old.cells[0]), None if end == self._steps else int(old.cells[-1])
-        reach = reach_of(start, goal, end - begin, self._size)
+        stays = None if self._stays is None else self._stays[begin:end]
+        moves = end - begin if stays is None else int(np.sum(~stays))
+        reach = reach_of(start, goal, moves, self._size)
         parts = [Segment(passes, old, begin, reach) for passes in self._passes]
         self.work += SEGMENT_WORK + (end - begin) * (STEP_WORK + sum(part.cells for part in parts))
         gains = np.zeros((end - begin, *reach.shape))
         for part in parts:
             part.add_gains(gains)
         np.maximum(gains, 0.0, out=gains)  # rounding errors
+        if stays is not None:
+            gains[~stays] = 0.0
         if distort is not None:
             gains = distort(gains)
         elif not gains.any():
@@ -157,8 +171,8 @@ class Plan:
         if goal is not None:
             at_end += FORBIDDEN
             at_end.reshape(-1)[numbers[drone, -1]] = 0.0
-        values = values_to_go(gains, at_end, blocked)
-        cells, searches = best_path(gains, values, int(numbers[drone, 0]), blocked)
+        values = values_to_go(gains, at_end, blocked, stays)
+        cells, searches = best_path(gains, values, int(numbers[drone, 0]), blocked, stays)
         rows, columns = np.divmod(cells, reach.shape[1])
         new = Path((rows + reach.top) * self._size + columns + reach.left, searches)
         if np.array_equal(new.cells, old.cells) and np.array_equal(new.searches, old.searches):

@@ -30,6 +30,18 @@ Act = Callable[[BeliefTracker, list[Cell]], Sequence[int]]
 """Chooses the drones' actions, given the beliefs and their cells."""
 
 
+def searching_in_flight(act: Act) -> Act:
+    """Search in every even step, and move as `act` does in the odd ones."""
+
+    def chosen(tracker: BeliefTracker, cells: list[Cell]) -> Sequence[int]:
+        if tracker.step % 2 == 0:
+            return [Action.SEARCH] * len(cells)
+        moves = act(tracker, cells)
+        return [Action.IDLE if each == Action.SEARCH else each for each in moves]
+
+    return chosen
+
+
 @dataclass
 class PlannedSearch:
     """A search and its plan, which searches share.
@@ -116,5 +128,11 @@ class PlannedPolicy(SwarmPolicy):
                 dead[which] += unfound[which] * found * (1.0 - alive)
                 unfound[which] *= 1.0 - found
             tracker.update(cells, actions)
-            cells = [self._positions[self._neighbours[cell][action]] for cell, action in moved]
+            cells = self.ahead(cells, actions)
         return steps, 1.0 - unfound - dead
+
+    def ahead(self, cells: list[Cell], actions: Sequence[int]) -> list[Cell]:
+        """The drones' cells after a step of actions that keep them on the grid."""
+        numbers = (y * self.scenario.grid_size + x for x, y in cells)
+        moves = zip(numbers, actions, strict=True)
+        return [self._positions[self._neighbours[cell][action]] for cell, action in moves]

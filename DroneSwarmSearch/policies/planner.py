@@ -12,7 +12,12 @@ from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, Report, idle_paths
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy, PosteriorGreedyPolicy
-from DroneSwarmSearch.policies.planned import HORIZON, PlannedPolicy, PlannedStep
+from DroneSwarmSearch.policies.planned import (
+    HORIZON,
+    PlannedPolicy,
+    PlannedStep,
+    searching_in_flight,
+)
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -32,6 +37,9 @@ plan after a find: about ten seconds, and a tenth of one."""
 
 MAX_LENGTH_AFTER_FIND = 24
 """Length of the longest path segments to improve after a find."""
+
+MAX_LENGTH_IN_FLIGHT = 48
+"""Length of the longest path segments to improve for drones that search in flight."""
 
 EXPLORED_ROUNDS = 500
 """Exploring takes at most as much work as this many rounds of improvement."""
@@ -55,11 +63,19 @@ class PlannerPolicy(PlannedPolicy):
     persons with `survival`, it is the probability of finding them alive. With one person, a plan is
     never worse than the paths of `PosteriorGreedyPolicy` and `ForecastGreedyPolicy`. With several,
     it only lasts until the next find.
+
+    Args:
+        scenario: the parameters of every search to steer.
+        in_flight: whether drones search in even steps and move in odd ones, which stands for
+            drones that search while they fly and cross a cell in two steps.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, *, in_flight: bool = False) -> None:
         super().__init__(scenario)
-        self._initial = PosteriorGreedyPolicy(scenario), ForecastGreedyPolicy(scenario)
+        self._in_flight = in_flight
+        self._initial: list[PosteriorGreedyPolicy] = [PosteriorGreedyPolicy(scenario)]
+        if not in_flight:  # where it finds no more, and takes minutes on large grids
+            self._initial.append(ForecastGreedyPolicy(scenario))
 
     def prepare(self, drones_positions: object) -> None:
         """Make the first plan now, so that copies and pickles of the policy include it."""
@@ -67,10 +83,11 @@ class PlannerPolicy(PlannedPolicy):
         self._replan(self.begin(), [self._positions[cell] for cell in starts])
 
     def plan(self, tracker: BeliefTracker, cells: list[Cell]) -> list[PlannedStep]:
-        initial = [
-            self._paths(self.simulated(policy.actions, tracker, cells)[0])
+        acts = [
+            searching_in_flight(policy.actions) if self._in_flight else policy.actions
             for policy in self._initial
         ]
+        initial = [self._paths(self.simulated(act, tracker, cells)[0]) for act in acts]
         with Progress("planning", 1.0, sys.stderr.isatty()) as bar:
             return self._steps(self._improved(tracker, initial, bar))
 
@@ -100,7 +117,9 @@ class PlannerPolicy(PlannedPolicy):
             initial = [best_initial]
         else:
             work, max_length = WORK, steps
-            if len(idle) <= FEW_DRONES:
+            if self._in_flight:
+                max_length = MAX_LENGTH_IN_FLIGHT
+            elif len(idle) <= FEW_DRONES:
                 initial = [*initial, idle]
             size = len(idle) * steps * sum(target.belief.size for target in targets)
             perturbed = min(RANDOM_STARTS, RANDOM_BUDGET // size)
@@ -111,7 +130,8 @@ class PlannerPolicy(PlannedPolicy):
             def report_part(part: float, number: int = number) -> None:
                 report((number + part) / count / 2)
 
-            plan = Plan(targets, step, paths)  # large, so only two exist at a time
+            # Large, so only two exist at a time.
+            plan = Plan(targets, step, paths, in_flight=self._in_flight)
             if number >= len(initial):
                 plan.perturb(rng)
             plan.improve(

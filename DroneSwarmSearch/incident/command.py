@@ -1,0 +1,145 @@
+"""The command `plan`: from options to a folder with a plan, and one screen of results."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+from DroneSwarmSearch import leeway
+from DroneSwarmSearch._internal.errors import printed_warnings
+from DroneSwarmSearch.incident.flight_plan import POLICIES, FlightPlan
+from DroneSwarmSearch.incident.report import Incident
+
+QUICK = "greedy-posterior"
+"""Plans what one more drone and more time would bring."""
+
+MINUTES = 5, 10, 20, 30, 45, 60, 90, 120
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options; those of the incident have the names of its values."""
+    place: Any = {"metavar": ("LAT", "LON"), "nargs": 2, "type": float}
+    flow: Any = {"metavar": ("DEGREES", "SPEED"), "nargs": 2}
+    speed = _quantity(kn=leeway.KNOT, **{"m/s": 1.0, "km/h": 1 / 3.6})
+    length, time = _quantity(nm=1852.0, km=1000.0, m=1.0), _quantity(min=60.0, h=3600.0, s=1.0)
+
+    def add(name: str, about: str, value: str | None = None, **options: object) -> None:
+        kinds: dict[str, object] = {"dest": value, **options} if value else options
+        group.add_argument(name, help=about, **kinds)  # type: ignore[arg-type]
+
+    parser.set_defaults(flow_speed=speed)
+    group = parser.add_argument_group("the incident")
+    add("--position", "last known, in degrees: 54.18 7.85, or -33.9 -53.1", **place)
+    add("--error", "its standard deviation along each axis (926m)", "position_sd", type=length)
+    add("--time", "when they were there: 2026-03-01T05:30Z")
+    add("--object", "a key of leeway.CLASSES, such as PIW-1", "object_class", metavar="CLASS")
+    add("--wind", "where it comes from, and its speed: 300 25kn, or 300 12.9m/s", **flow)
+    add("--current", "where it flows to, and its speed: 160 0.5kn (none)", **flow)
+    add("--tracks", "of a drift simulation, in place of object and wind", metavar="FILE")
+    add("--incident", "a file incident.json; other options replace its values", metavar="FILE")
+    add("--after", "a plan that was flown and found nobody: plan the next one", metavar="DIR")
+    group = parser.add_argument_group("the drones")
+    add(
+        "--start", "first take-off (an hour after --time; with --after, half an hour after landing)"
+    )
+    add("--drones", "how many (3)", type=int, metavar="N")
+    add("--speed", "over the ground (20m/s)", type=speed)
+    add("--swath", "width of the strip that a drone sees (200m)", type=length)
+    about = "probability that it finds a person in the strip (0.8)"
+    add("--detection", about, "probability_of_detection", type=float, metavar="P")
+    add("--endurance", "from take-off to landing (45min)", type=time)
+    add("--base", "where they take off and land (the last known position)", **place)
+    add("--altitude", "of the flight (100m)", type=length)
+    group = parser.add_argument_group("the plan")
+    add("--policy", f"{' or '.join(POLICIES)} ({POLICIES[0]})", choices=POLICIES, default="planner")
+    add("--out", "the folder to write", metavar="DIR", type=Path, required=True)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Plan, write the folder, and print one screen."""
+    from DroneSwarmSearch.incident import chart  # noqa: F401 (fails now, and not after planning)
+
+    with printed_warnings():
+        plan = _incident(options).plan(options.policy)
+    plan.save(options.out)
+    print(f"{summary(plan)}\nWritten to {options.out}.")
+
+
+def _incident(options: argparse.Namespace) -> Incident:
+    """The incident that the options describe."""
+    for name, of in (("wind", leeway.wind_from), ("current", leeway.current_towards)):
+        given = getattr(options, name)
+        if given is not None:
+            try:
+                setattr(options, name, of(float(given[0]), options.flow_speed(given[1])))
+            except (argparse.ArgumentTypeError, ValueError) as error:
+                raise ValueError(
+                    f"--{name} must be DEGREES SPEED, such as 300 25kn: {error}"
+                ) from None
+    values = {each.name: getattr(options, each.name, None) for each in fields(Incident)}
+    given = {name: value for name, value in values.items() if value is not None}
+    if options.after is not None:
+        start, folder = given.pop("start", None), Path(options.after)
+        flown = replace(_read(folder / "incident.json"), **given)
+        return flown.after(folder / "plan.csv", start)
+    if options.incident is not None:
+        return replace(_read(Path(options.incident)), **given)
+    return Incident(**given)
+
+
+def _read(path: Path) -> Incident:
+    try:
+        return Incident.read(path)
+    except (OSError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} must be the file of an incident: {error}") from None
+
+
+def summary(plan: FlightPlan) -> str:
+    """One screen: what the plan finds and when, what more would bring, and what it assumes."""
+    incident, layout = plan.incident, plan.incident.layout
+    began = min(each.time for each in plan.waypoints if each.searching)
+    landed = max(flight[-1].time for flight in plan.flights)
+    steps = {each: layout.grid.scale.whole_steps(60 * each) for each in MINUTES}
+    success = [
+        f"{plan.success[n]:.0%} after {m}" for m, n in steps.items() if n < len(plan.success)
+    ]
+    found = [
+        replace(incident, **more).plan(QUICK).probability_of_success
+        for more in ({}, {"drones": incident.drones + 1}, {"endurance": incident.endurance + 1800})
+    ]
+    drone, time = (f"{100 * (more - found[0]):+.0f}" for more in found[1:])
+    lines = [
+        incident.sentence,
+        f"After {len(incident.flown)} flights that found nobody." if incident.flown else "",
+        f"PROBABILITY OF SUCCESS {plan.probability_of_success:.0%}: "
+        f"{', '.join(success)} minutes in the area.",
+        f"First take-off {incident.start:%H:%M}, in the area {began:%H:%M}, last landing "
+        f"{landed:%H:%M} UTC. One more drone: {drone} points. Half an hour more: {time} points.",
+        f"Assumed: the drift is right, up to a position error of {incident.position_sd:.0f} m and "
+        f"the spread of such objects. Drones fly {incident.speed:.3g} m/s for at most "
+        f"{incident.endurance / 60:.0f} min, at {incident.altitude:.0f} m, and find "
+        f"{incident.probability_of_detection:.0%} of those in a strip of {incident.swath:.0f} m.",
+        f"Map: {layout.grid.size} x {layout.grid.size} cells of "
+        f"{layout.grid.scale.metres_per_cell:.0f} m.",
+    ]
+    return "\n".join(textwrap.fill(line, 79) for line in lines if line)
+
+
+def _quantity(**units: float) -> Callable[[str], float]:
+    """Reads a number with one of some units, the longest ones first, into SI units."""
+
+    def read(text: str) -> float:
+        for unit, factor in units.items():
+            number = text.removesuffix(unit)
+            if number != text:
+                try:
+                    return float(number) * factor
+                except ValueError:
+                    break
+        raise argparse.ArgumentTypeError(f"give a number and {', '.join(units)}, not {text!r}")
+
+    return read
