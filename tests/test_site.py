@@ -482,8 +482,11 @@ def test_a_file_of_the_export_is_played(browser, address, tmp_path):
         assert player.drawn(canvas)[2] != picture, "a scale bar and north; minutes"
     player.one("input[type=file]").send_keys(str(wrong))
     player.wait(lambda: "not written by the command" in player.text(".outcome"))
+    player.scrub(3)  # and the message stays
+    player.reach(3)
+    assert "not written by the command" in player.text(".outcome")
     player.choose("search", "harbour")
-    player.wait(lambda: player.state("search") == "harbour")
+    player.wait(lambda: player.state("search") == "harbour" and not player.text(".outcome"))
     assert console_messages(browser) == []
 
 

@@ -137,7 +137,7 @@ const find = selector => root.querySelector(selector);
 const layout = find(".layout"), mapCanvas = find(".map"), curveCanvas = find(".curve"), slider = find("input[type=range]");
 const shown = {view: "posterior", person: true, speed: 8, pointed: null};
 let search = null, episode = null, seed = null, policy = null;
-let time = 0, playing = false, goal = null, last = 0, wanted = 0, ticking = false;
+let time = 0, playing = false, goal = null, last = 0, wanted = 0, ticking = false, problem = "";
 
 const fill = (select, values, label) =>
   select.replaceChildren(...values.map(value => new Option(label(value), value)));
@@ -152,8 +152,9 @@ async function open(name, changes = {}) {
   try {
     next = await load(name);
   } catch (error) {
-    find(".outcome").textContent = `Error: ${error.message}`;
-    return;
+    problem = `Error: ${error.message}`;  // until another episode is chosen
+    write(find(".outcome"), problem);
+    return redraw();
   }
   if (turn !== wanted) return;  // another search was chosen meanwhile
   search = next;
@@ -174,6 +175,7 @@ async function open(name, changes = {}) {
 
 function choose(changes) {
   const before = episode, ended = before && hasEnded();
+  problem = "";
   seed = search.seeds.includes(Number(changes.seed)) ? Number(changes.seed) : search.seeds[0];
   policy = search.policies.includes(changes.policy) ? changes.policy : search.policies[0];
   episode = episodeOf(policy);
@@ -557,8 +559,8 @@ function report(at, now) {
   write(find("[data-show=return]"), Math.round(episode.returns[now]).toLocaleString("en").replace("-", "\u2212"));
   const finds = episode.people.filter(person => person.found_by !== null && now >= person.path.length - 1).length;
   const outcome = find(".outcome");
-  write(outcome, ended ? result(episode) : finds ? `${finds} of ${episode.total} persons found` : "");
-  outcome.className = `outcome ${ended ? (isFound(episode) ? "found" : "failed") : finds ? "found" : ""}`;
+  write(outcome, problem || (ended ? result(episode) : finds ? `${finds} of ${episode.total} persons found` : ""));
+  outcome.className = `outcome ${problem ? "failed" : ended ? (isFound(episode) ? "found" : "failed") : finds ? "found" : ""}`;
   find(".policies").querySelectorAll("b").forEach((label, number) => {
     const each = episodeOf(search.policies[number]);
     write(label, ended || at >= each.steps ? (isFound(each) ? duration(each.steps) : "not found") : "");
