@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
@@ -18,7 +17,7 @@ from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.tracks import Tracks
 
-__all__ = ["MASS_BEYOND", "MAX_DIFFUSION", "AxisDrift", "Drift", "Person", "warn_of_mass_beyond"]
+__all__ = ["MAX_DIFFUSION", "AxisDrift", "Drift", "Person"]
 
 
 MAX_DIFFUSION = 2 / 3
@@ -28,9 +27,6 @@ _LARGE = 1e300
 """Stands for larger numbers, so that differences of two of them stay finite."""
 
 _ROUNDING = 1e-12
-
-MASS_BEYOND = 0.01
-"""The share of a forecast beyond the grid above which there is a warning."""
 
 _SAMPLED_STEPS = 33
 
@@ -418,24 +414,6 @@ class Person:
             except (TypeError, ValueError) as error:
                 raise type(error)(f"drifts[{place}]: {error}") from None
         return cls(**{**values, "drifts": drifts})
-
-
-def warn_of_mass_beyond(
-    persons: Sequence[Person], grid_size: int, timestep_limit: int, stacklevel: int
-) -> None:
-    """Warn if more than 1% of a person's forecast lies beyond the grid within the time limit."""
-    last = checks.integer("timestep_limit", timestep_limit, 1, checks.LARGEST_EXACT)
-    beyond, step = max(
-        (person.mass_beyond(grid_size, step), -step)
-        for person in persons
-        for step in _some_steps(last)
-    )
-    if beyond > MASS_BEYOND:
-        warnings.warn(
-            f"{beyond:.1%} of a person's forecast lies beyond the grid of {grid_size} x "
-            f"{grid_size} cells at step {-step}: take a larger grid, or larger cells",
-            stacklevel=stacklevel + 1,
-        )
 
 
 def _some_steps(last: int) -> set[int]:

@@ -11,11 +11,8 @@ from typing import Any
 
 from DroneSwarmSearch import leeway
 from DroneSwarmSearch._internal.errors import printed_warnings
-from DroneSwarmSearch.incident.flight_plan import POLICIES, FlightPlan
+from DroneSwarmSearch.incident.flight_plan import POLICIES, QUICK, FlightPlan
 from DroneSwarmSearch.incident.report import Incident
-
-QUICK = "greedy-posterior"
-"""Plans what one more drone and more time would bring."""
 
 MINUTES = 5, 10, 20, 30, 45, 60, 90, 120
 

@@ -24,8 +24,9 @@ from DroneSwarmSearch.scenario import Cell
 
 __all__ = ["POLICIES", "FlightPlan"]
 
-POLICIES = "planner", "greedy-posterior"
-"""The policies that plan flights."""
+QUICK = "greedy-posterior"
+POLICIES = "planner", QUICK
+"""The policies that plan flights; the second one takes a second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,7 @@ class FlightPlan:
 
     Attributes:
         incident: the incident.
-        policy: what planned the search.
+        policy: what planned the search; "greedy-posterior" also where it found more than "planner".
         waypoints: those of the first drone in the order of their times, then those of the others.
     """
 
@@ -51,7 +52,12 @@ class FlightPlan:
         """`Incident.plan`."""
         checks.choice("policy", policy, POLICIES)
         cells = without_exchanges(_searched_cells(incident.search(), policy))
-        return cls(incident, policy, tuple(_waypoints(incident, cells)))
+        plan = cls(incident, policy, tuple(_waypoints(incident, cells)))
+        if policy != QUICK:  # its drones may have to turn back earlier
+            quick = cls.of(incident, QUICK)
+            if quick.probability_of_success > plan.probability_of_success:
+                return quick
+        return plan
 
     @cached_property
     def flights(self) -> list[list[Waypoint]]:

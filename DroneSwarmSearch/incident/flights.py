@@ -127,14 +127,16 @@ def _along(flight: Flight, plane: TangentPlane, spacing: float) -> tuple[Floats,
     points = plane.metres([each.latitude for each in flight], [each.longitude for each in flight])
     searching = np.array([each.searching for each in flight])
     lengths = np.append(np.hypot(*np.diff(points, axis=0).T), 0.0)
-    found, covered = [np.empty((0, 3))], 0.0  # since the search began
+    every, found = np.column_stack([times, points]), [np.empty((0, 3))]
+    covered = 0.0  # since the search began
     for leg in np.flatnonzero(searching[:-1]).tolist():
         if leg == 0 or not searching[leg - 1]:
             covered = 0.0
-        at = np.arange(-(-covered // spacing) * spacing, covered + lengths[leg] - 1e-6, spacing)
+        ends = np.ceil(np.array([covered, covered + lengths[leg]]) / spacing - 1e-6)
+        at = np.arange(*ends) * spacing
         share = (at - covered)[:, None] / max(lengths[leg], 1e-9)
-        ends = np.column_stack([times, points])[leg : leg + 2]
-        found.append(ends[0] + share * (ends[1] - ends[0]))
+        begin, end = every[leg : leg + 2]
+        found.append(begin + share * (end - begin))
         covered += lengths[leg]
-    every = np.concatenate(found)
-    return every[:, 0], every[:, 1:]
+    samples = np.concatenate(found)
+    return samples[:, 0], samples[:, 1:]
