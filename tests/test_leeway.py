@@ -91,8 +91,8 @@ def simulated(
 def moments(person: Person, scale: Scale) -> tuple[np.ndarray, np.ndarray]:
     """The mean and the covariance of a person's drift velocity, (east, north), in m/s."""
     weights = np.array(person.weights)
-    means = np.array([scale.velocity(drift.vector) for drift in person.drifts])
     per_cell = scale.metres_per_cell / scale.seconds_per_step
+    means = np.array([drift.vector for drift in person.drifts]) * (per_cell, -per_cell)
     within = [np.diag(np.square(np.array(drift.vector_sd) * per_cell)) for drift in person.drifts]
     mean = weights @ means
     between = np.einsum("m,mi,mj->ij", weights, means - mean, means - mean)
