@@ -37,7 +37,7 @@ def polygon(grid_size: int, vertices: ArrayLike) -> Floats:
     There are at least three vertices, in order along the boundary, shape (n, 2). The polygon need
     not be convex, but its edges must not cross.
     """
-    size = _checked_size(grid_size)
+    size = checks.integer("grid_size", grid_size, 2)
     corners = _positions("vertices", vertices, 3)
     _check_simple(corners)
     x, y = corners.T
@@ -68,7 +68,7 @@ def line(grid_size: int, vertices: ArrayLike, *, sd: float = 0.0) -> Floats:
     is exactly proportional to the length of the line in it; otherwise points on the line stand for
     it, at most sd/4 (but at least 0.02 cells) apart.
     """
-    size = _checked_size(grid_size)
+    size = checks.integer("grid_size", grid_size, 2)
     corners = _positions("vertices", vertices, 2)
     error = checks.real("sd", sd, 0)
     total = float(np.hypot(*np.diff(corners, axis=0).T).sum())
@@ -99,7 +99,7 @@ def gaussian(
         correlation: between x and y, from -0.999 to 0.999. Positive values stretch the map
             from the upper left to the lower right, because y grows downward.
     """
-    size = _checked_size(grid_size)
+    size = checks.integer("grid_size", grid_size, 2)
     centre_x, centre_y = checks.pair("mean", mean)
     both = (sd, sd) if checks.is_number(sd) else checks.pair("sd", sd)
     sd_x, sd_y = (checks.positive("sd", each) for each in both)
@@ -133,7 +133,7 @@ def from_points(grid_size: int, points: ArrayLike, weights: ArrayLike | None = N
 
     Points have the shape (n, 2), and weights of at least 0 the shape (n,): by default all equal.
     """
-    size = _checked_size(grid_size)
+    size = checks.integer("grid_size", grid_size, 2)
     given = _positions("points", points, 1)
     share = np.ones(len(given))
     if weights is not None:
@@ -145,12 +145,6 @@ def from_points(grid_size: int, points: ArrayLike, weights: ArrayLike | None = N
     if not 0.0 < total < math.inf:
         raise ValueError(f"weights must have a positive, finite sum, got {total}")
     return _normalised("points", _histogram(size, given, share), total)
-
-
-def _checked_size(grid_size: object) -> int:
-    size = checks.integer("grid_size", grid_size, 2)
-    checks.fits("the map", 8 * size**2, grid_size=size)
-    return size
 
 
 def _positions(name: str, value: object, least: int) -> Floats:
@@ -204,7 +198,6 @@ def _pieces(start: Floats, end: Floats, grid_size: int, error: float) -> tuple[F
     cuts.append(np.array([0.0, 1.0]))
     if error:
         count = math.ceil(length / max(error / 4, 0.02))
-        checks.fits("the points on the line", 16 * count * grid_size, vertices=length, sd=error)
         cuts.append(np.linspace(0.0, 1.0, count + 1))
     at = np.unique(np.clip(np.concatenate(cuts), 0.0, 1.0))
     middles = start + np.multiply.outer((at[1:] + at[:-1]) / 2, step)
