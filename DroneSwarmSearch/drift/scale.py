@@ -11,10 +11,6 @@ __all__ = ["Scale"]
 
 Pair = tuple[float, float]
 
-# Within these limits, squares and ratios are far from the limits of floats.
-_SMALLEST, _LARGEST = 1e-6, 1e9
-_LONGEST = 1e300
-
 
 @dataclass(frozen=True)
 class Scale:
@@ -27,11 +23,9 @@ class Scale:
         scale.vector((0.1, 0.2))  # m/s east and north: (0.01, -0.02) cells per step
         scale.whole_steps(3600)  # an hour: 277 steps
 
-    Results beyond the largest float, about 1.8e308, are infinite.
-
     Attributes:
-        metres_per_cell: side of a cell in metres; from 1e-6 to 1e9.
-        seconds_per_step: duration of a step in seconds; from 1e-6 to 1e9.
+        metres_per_cell: side of a cell in metres; above 0.
+        seconds_per_step: duration of a step in seconds; above 0.
 
     Raises:
         TypeError: a value is not a number.
@@ -43,8 +37,7 @@ class Scale:
 
     def __post_init__(self) -> None:
         for name in ("metres_per_cell", "seconds_per_step"):
-            number = checks.real(name, getattr(self, name), _SMALLEST, _LARGEST)
-            object.__setattr__(self, name, number)
+            object.__setattr__(self, name, checks.positive(name, getattr(self, name)))
 
     @classmethod
     def for_drone(cls, speed: float, swath: float) -> Scale:
@@ -68,18 +61,18 @@ class Scale:
         east, north = checks.pair("displacement", displacement)
         return east / self.metres_per_cell, -north / self.metres_per_cell
 
+    def displacement(self, offset: Pair) -> Pair:
+        """Cells, (x, y), as a displacement in metres, (east, north)."""
+        x, y = checks.pair("offset", offset)
+        return x * self.metres_per_cell, -y * self.metres_per_cell
+
     def cells(self, metres: float) -> float:
         """A distance in cells."""
         return checks.real("metres", metres) / self.metres_per_cell
 
-    def steps(self, seconds: float) -> float:
-        """A duration in steps, a real number."""
-        return checks.real("seconds", seconds) / self.seconds_per_step
-
     def whole_steps(self, seconds: float) -> int:
-        """A duration of at most 1e300 seconds in steps, rounded (a half upward)."""
-        number = checks.real("seconds", seconds, -_LONGEST, _LONGEST)
-        return math.floor(self.steps(number) + 0.5)
+        """A duration in steps, rounded (a half upward)."""
+        return math.floor(checks.real("seconds", seconds) / self.seconds_per_step + 0.5)
 
     def seconds(self, steps: float) -> float:
         """A duration in seconds."""
