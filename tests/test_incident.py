@@ -312,6 +312,9 @@ def test_tracks_take_the_place_of_class_wind_and_current(tmp_path: Path) -> None
     assert incident.time == NOON
     assert incident.position == pytest.approx((10, 179.99), abs=0.002)
     assert 0.2 < plan.probability_of_success < 1
+    incident.save(tmp_path / "elsewhere" / "incident.json")
+    again = Incident.read(tmp_path / "elsewhere" / "incident.json")
+    assert Path(again.tracks).samefile(path)
     with pytest.raises(ValueError, match="wind cannot be given together with tracks"):
         Incident(tracks=path, wind=(1, 2))
 
