@@ -37,11 +37,6 @@ def test_a_drone_sees_one_cell_and_crosses_it_in_one_step():
     assert Scale.for_drone(speed=10, swath=130) == SCALE
 
 
-@given(scales, st.tuples(numbers, numbers))
-def test_displacements_are_the_inverse_of_offsets(scale, pair):
-    assert scale.displacement(scale.offset(pair)) == pytest.approx(pair)
-
-
 @given(scales, st.tuples(numbers, numbers), st.integers(1, 10_000))
 def test_units_agree(scale, velocity, steps):
     """A velocity times a time is a displacement, and a variance is twice K times a time."""
@@ -69,7 +64,6 @@ def test_scales_are_values():
         (lambda: SCALE.vector((1, INF)), ValueError, r"velocity\[1\] must .*got inf"),
         (lambda: SCALE.vector((1, 2, 3)), ValueError, "velocity must be two finite numbers"),
         (lambda: SCALE.offset("12"), TypeError, "displacement must be two finite numbers"),
-        (lambda: SCALE.displacement((1,)), ValueError, "offset must be two finite numbers"),
         (lambda: SCALE.cells(None), TypeError, "metres must .*got None"),
         (lambda: SCALE.whole_steps("1"), TypeError, "seconds must .*got '1'"),
         (lambda: SCALE.seconds(None), TypeError, "steps must .*got None"),

@@ -61,11 +61,6 @@ class Scale:
         east, north = checks.pair("displacement", displacement)
         return east / self.metres_per_cell, -north / self.metres_per_cell
 
-    def displacement(self, offset: Pair) -> Pair:
-        """Cells, (x, y), as a displacement in metres, (east, north)."""
-        x, y = checks.pair("offset", offset)
-        return x * self.metres_per_cell, -y * self.metres_per_cell
-
     def cells(self, metres: float) -> float:
         """A distance in cells."""
         return checks.real("metres", metres) / self.metres_per_cell
