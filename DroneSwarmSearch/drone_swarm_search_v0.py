@@ -17,14 +17,14 @@ from __future__ import annotations
 from typing import Any
 
 from pettingzoo import AECEnv
+from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 
 from DroneSwarmSearch.env import env, parallel_env
 from DroneSwarmSearch.observations import Observation
-from DroneSwarmSearch.turn_based import TurnBased
 
 __all__ = ["env", "parallel_env", "raw_env"]
 
 
 def raw_env(**kwargs: Any) -> AECEnv[str, Observation, int | None]:
-    """The environment in PettingZoo's AEC form, without the check of the order of calls."""
-    return TurnBased(parallel_env(**kwargs))
+    """The environment in PettingZoo's AEC form, without checks of calls and actions."""
+    return parallel_to_aec_wrapper(parallel_env(**kwargs))

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pettingzoo import AECEnv
-from pettingzoo.utils.wrappers import OrderEnforcingWrapper
+from pettingzoo.utils.conversions import parallel_to_aec_wrapper
+from pettingzoo.utils.wrappers import AssertOutOfBoundsWrapper, OrderEnforcingWrapper
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.errors import ResetNeeded
@@ -25,7 +26,6 @@ from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.palette import PALETTES, Look
 from DroneSwarmSearch.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.scenario import Scenario, resolve_scenario
-from DroneSwarmSearch.turn_based import TurnBased
 from DroneSwarmSearch.world import WorldState
 
 __all__ = ["DroneSwarmSearch", "ResetNeeded", "env", "parallel_env"]
@@ -40,7 +40,8 @@ def parallel_env(**kwargs: Any) -> DroneSwarmSearch:
 
 def env(**kwargs: Any) -> AECEnv[str, Observation, int | None]:
     """The environment in PettingZoo's AEC form; takes `DroneSwarmSearch`'s arguments."""
-    return OrderEnforcingWrapper(TurnBased(DroneSwarmSearch(**kwargs)))
+    turn_based = parallel_to_aec_wrapper(DroneSwarmSearch(**kwargs))
+    return OrderEnforcingWrapper(AssertOutOfBoundsWrapper(turn_based))
 
 
 class DroneSwarmSearch(SearchSpaces):

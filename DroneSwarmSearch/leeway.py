@@ -31,12 +31,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.drift.persons import (
-    MAX_DIFFUSION,
-    Drift,
-    Person,
-    warn_of_mass_beyond,
-)
+from DroneSwarmSearch.drift.persons import MAX_DIFFUSION, Drift, Person
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.drift.tables import displaced
 
@@ -216,9 +211,6 @@ def person(
     jibing: float = 0.04,
     scale: Scale,
     probability_of_detection: float = 1.0,
-    hypotheses_per_side: int | None = None,
-    grid_size: int | None = None,
-    timestep_limit: int | None = None,
 ) -> Person:
     """A person, raft or boat that drifts with the wind and the current.
 
@@ -254,12 +246,6 @@ def person(
             of leeway, which was fitted to tracks of OpenDrift.
         scale: the size of cells and the duration of steps.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
-        hypotheses_per_side: from 1 to 9, for objects that have not jibed. One ignores the
-            correlation of the leeway along x and y; more represent it. By default, three if it
-            exceeds 1/4, and else one.
-        grid_size: if given, with `timestep_limit`, there is a warning if more than 1% of the
-            forecast lies beyond such a grid within the limit.
-        timestep_limit: steps in an episode.
 
     Raises:
         TypeError: an argument is of the wrong type.
@@ -269,8 +255,6 @@ def person(
     kind = class_of(object_class)
     if not isinstance(scale, Scale):
         raise TypeError(f"scale must be a Scale, got {scale!r}")
-    if hypotheses_per_side is not None:
-        checks.integer("hypotheses_per_side", hypotheses_per_side, 1, 9)
     per_hour = checks.real("jibing", jibing, 0, 1)
     known = Drift(
         start,
@@ -283,9 +267,9 @@ def person(
     jibes = min(per_hour * scale.seconds(known.adrift) / 3600, _MOST_JIBES)
     if jibes < _FEWEST_JIBES or not winds.any():
         jibes = 0.0
-    drifts = hypotheses(math.exp(-jibes), hypotheses_per_side)
+    drifts = hypotheses(math.exp(-jibes), True)
     if jibes:
-        sides = hypotheses(-math.expm1(-jibes), 1)
+        sides = hypotheses(-math.expm1(-jibes), False)
         times = np.linspace(0, known.adrift, _PARTS + 1)[:, None]
         paths = [displaced(np.asarray(side.vector), times) for side in sides]
         for side, path, other in zip(sides, paths, paths[::-1], strict=True):
@@ -299,15 +283,7 @@ def person(
             "most one: take shorter steps or larger cells",
             stacklevel=2,
         )
-    result = Person(tuple(drifts), probability_of_detection)
-    if (grid_size is None) != (timestep_limit is None):
-        raise ValueError(
-            f"grid_size and timestep_limit must be given together, got {grid_size!r} and "
-            f"{timestep_limit!r}"
-        )
-    if grid_size is not None and timestep_limit is not None:
-        warn_of_mass_beyond([result], grid_size, timestep_limit, stacklevel=2)
-    return result
+    return Person(tuple(drifts), probability_of_detection)
 
 
 def class_of(object_class: object) -> ObjectClass:
@@ -390,11 +366,11 @@ def _hypotheses(
     known: Drift,
     jibing: float,
     share: float,
-    count: int | None,
+    split: bool,
 ) -> list[Drift]:
     """The hypotheses about objects on either side of the wind, the right one first.
 
-    `share` is the sum of their weights, and `count` how many there are on each side, or None.
+    `share` is the sum of their weights; with `split`, there may be three on each side.
     """
     lengths = np.hypot(*winds.T)
     checks.real("the speed of wind", float(lengths.max()), 0, _FASTEST)
@@ -413,7 +389,7 @@ def _hypotheses(
         diffusion = min(known.diffusion + spread, MAX_DIFFUSION)
         # An object's two errors are its own for life: their displacements are vectors.
         errors = np.cumsum([along_sd * downwind, across_sd * rightward], axis=1)
-        for shift, deviation, weight in _spread(errors, count):
+        for shift, deviation, weight in _spread(errors, split):
             vector = (mean + np.diff(shift, axis=0, prepend=0.0)) * grid
             vector_sd = np.diff(deviation, axis=0, prepend=0.0) * np.abs(grid)
             varying = {"vector": vector, "vector_sd": vector_sd, "diffusion": diffusion}
@@ -421,11 +397,12 @@ def _hypotheses(
     return found
 
 
-def _spread(errors: Floats, count: int | None) -> list[tuple[Floats, Floats, float]]:
-    """A normal displacement as a mixture of `count` normal ones with independent components.
+def _spread(errors: Floats, split: bool) -> list[tuple[Floats, Floats, float]]:
+    """A normal displacement as a mixture of normal ones with independent components.
 
-    The correlated part of the covariance is a single vector. The means lie along it with binomial
-    weights, so that mean and covariance of the mixture are exact, and the components overlap.
+    The correlated part of the covariance is a single vector. The means of three lie along it with
+    binomial weights, so that mean and covariance of the mixture are exact, and the components
+    overlap. Without `split`, or if there is little correlation, there is only one component.
     Returned is each one's shift and standard deviations after each step, (T, 2), and weight.
 
     `errors` are the displacements after each step by one standard deviation of either error,
@@ -434,19 +411,12 @@ def _spread(errors: Floats, count: int | None) -> list[tuple[Floats, Floats, flo
     sd = np.hypot(*errors)
     both, squares = errors.prod(axis=2).sum(axis=0), sd.prod(axis=1)
     correlation = both / np.where(both, squares, 1.0)
-    if count is None:
-        count = 3 if np.abs(correlation).max() > _NEGLIGIBLE_CORRELATION else 1
-    if count == 1 or not correlation.any():
+    if not split or np.abs(correlation).max() <= _NEGLIGIBLE_CORRELATION:
         return [(0.0 * sd, sd, 1.0)]
     alone = np.sqrt(np.maximum(1.0 - np.abs(correlation), 0.0))[:, None] * sd
-    unit = np.sqrt(np.abs(correlation))[:, None] * sd
-    unit[:, 1] *= np.sign(correlation)
-    mixture = []
-    for place in range(count):
-        node = (2 * place - (count - 1)) / math.sqrt(count - 1)
-        weight = math.comb(count - 1, place) / 2 ** (count - 1)
-        mixture.append((node * unit, alone, weight))
-    return mixture
+    shift = np.sqrt(2 * np.abs(correlation))[:, None] * sd
+    shift[:, 1] *= np.sign(correlation)
+    return [(-shift, alone, 0.25), (0.0 * sd, alone, 0.5), (shift, alone, 0.25)]
 
 
 def _truncated_normal(alpha: float) -> Pair:

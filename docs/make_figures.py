@@ -52,9 +52,10 @@ from DroneSwarmSearch.drift.belief import Belief
 from DroneSwarmSearch.drift.tables import Axes as DriftAxes
 from DroneSwarmSearch.drift.tables import distribution
 from DroneSwarmSearch.evaluation import evaluate, search
+from DroneSwarmSearch.incident import Incident
+from DroneSwarmSearch.leeway import KNOT, current_towards, wind_from
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
 from DroneSwarmSearch.policies.datum import Datum
-from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.training.curve import moving_mean, read_columns
 from DroneSwarmSearch.vector import SwarmVectorEnv
@@ -708,84 +709,39 @@ def success(theme: Theme, sampling: Sampling) -> Figure:
     return chart
 
 
-class Flight(NamedTuple):
-    """The incident of the guide, and the plan for it.
-
-    Attributes:
-        names: the names that the guide's code block defines.
-        before: the map when the search begins.
-        after: the map at the end, given that nobody was found.
-        positions: the drones' cells (x, y), shape (steps + 1, drones, 2).
-        searching: whether they searched in each step, shape (steps, drones).
-        success: the probability of success at the end.
-    """
-
-    names: dict[str, Any]
-    before: Floats
-    after: Floats
-    positions: NDArray[np.int64]
-    searching: NDArray[np.bool_]
-    success: float
-
-
-@cache
-def flight() -> Flight:
-    """Return the plan for the incident of the guide, by executing its code block."""
-    block = code_block("guides/incident.md", "LIFE-RAFT").partition("np.save(")[0]
-    names: dict[str, Any] = {}
-    exec(compile(block, "incident.md", "exec"), names)
-    scenario: Scenario = names["search"].replace(bayesian_update=True)
-    env, policy = DroneSwarmSearch(scenario=scenario, render_mode=None), PlannerPolicy(scenario)
-    observations, infos = env.reset(seed=0)
-    frames = [env.frame()]
-    while env.agents:
-        observations, *_, infos = env.step(policy(observations))
-        frames.append(env.frame())
-    return Flight(
-        names,
-        frames[0].matrix,
-        frames[-1].matrix,
-        np.array([frame.drones for frame in frames]),
-        np.array([frame.searching for frame in frames[1:]]),
-        infos["probability_of_success"],
-    )
-
-
 @figure("incident")
 def incident(theme: Theme, sampling: Sampling) -> Figure:
-    """Draw the map and the plan of the guide's incident, in kilometres."""
-    plan = flight()
-    scale, person, size = (plan.names[name] for name in ("scale", "raft", "size"))
-    cell = scale.metres_per_cell / 1000
-    x, y = person.drifts[0].start
+    """Draw the maps before and after a plan, in kilometres from the last known position."""
+    raft = Incident(
+        position=(54.18, 7.85),
+        time="2026-03-01T05:30Z",
+        object_class="LIFE-RAFT-SB-6",
+        wind=wind_from(300, 25 * KNOT),
+        current=current_towards(160, 0.5 * KNOT),
+    )
+    plan = raft.plan("greedy-posterior")
+    (x, y), cell = raft.cell_of(*raft.position), raft.layout.grid.scale.metres_per_cell / 1000
+    size, steps = raft.layout.grid.size, raft.layout.limit
     left, top = (-0.5 - x) * cell, (y + 0.5) * cell
     sides = (left, left + size * cell, top - size * cell, top)
     chart = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     maps = chart.subplots(1, 2, sharex=True, sharey=True)
-    for axes, matrix in zip(maps, (plan.before, plan.after), strict=True):
+    for axes, matrix in zip(maps, (plan.prior(0), plan.posterior(steps)), strict=True):
         heat_map(axes, matrix, theme)
         axes.images[0].set_extent(sides)
         axes.plot(0, 0, "+", color=theme.ink, markersize=8, markeredgewidth=1.6)
         axes.set_xlabel("km east")
     maps[0].set_ylabel("km north")
-    for drift in (each for each in person.drifts if each.start == (x, y)):  # no jibe so far
-        east, south = (cell * drift.adrift * component for component in drift.vector)
-        arrow = {"arrowstyle": "-|>", "color": theme.track, "linewidth": 1.5}
-        maps[0].annotate("", (east, -south), (0, 0), arrowprops={**arrow, "shrinkB": 0})
-    for drone in range(plan.positions.shape[1]):
-        east = (plan.positions[:, drone, 0] - x) * cell
-        north = (y - plan.positions[:, drone, 1]) * cell
-        maps[1].plot(east, north, color=theme.track, linewidth=0.8, alpha=0.8)
-        searched = plan.searching[:, drone]
-        maps[1].plot(
-            east[1:][searched], north[1:][searched], "x", color=theme.track, markersize=2.2
-        )
-        maps[1].plot(east[-1], north[-1], "o", color=theme.track, markersize=4.5)
+    for flight in plan.flights:
+        degrees = np.array([(each.latitude, each.longitude) for each in flight])
+        east, south = (raft.cell_of(*degrees.T) - (x, y)).T * cell
+        maps[1].plot(east, -south, color=theme.track, linewidth=0.8, alpha=0.8)
     maps[0].set(xlim=sides[:2], ylim=sides[2:])
-    minutes = scale.seconds(plan.names["limit"]) / 60
+    minutes = raft.layout.grid.scale.seconds(steps) / 60
     maps[0].set_title("when the search begins")
     maps[1].set_title(f"{minutes:.0f} minutes later")
-    maps[1].set_title(f"POS {plan.success:.0%}", loc="right", color=theme.grey, fontsize=8.5)
+    success = f"POS {plan.probability_of_success:.0%}"
+    maps[1].set_title(success, loc="right", color=theme.grey, fontsize=8.5)
     return chart
 
 

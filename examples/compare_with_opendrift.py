@@ -166,23 +166,25 @@ def snapshots(incident: Incident, options: argparse.Namespace) -> list[Snapshot]
 def search(incident: Incident, options: argparse.Namespace) -> Pair | None:
     """The forecast probability of success of a plan on the map, and the share that it finds.
 
-    None if more than 1% of the map lies beyond the grid.
+    None if the map does not fit on the grid.
     """
     tracks, seconds = incident.tracks(incident.adrift / 3600 + 1.5, options), incident.adrift
     # In the middle of the search, the objects are around the middle of the grid.
     drifted = tracks[round((seconds + 1800) / TRACK_SECONDS)].mean(axis=0)
     start = (SEARCH_SIZE - 1) / 2 - drifted * (1, -1) / SEARCH_SCALE.metres_per_cell
     known = {**incident._asdict(), "start": start, "scale": SEARCH_SCALE, "jibing": options.jibing}
+    person = leeway.person(**known, probability_of_detection=DETECTION)
+    low, high = person.extent(SEARCH_STEPS)
+    if min(low) < -0.5 or max(high) > SEARCH_SIZE - 0.5:
+        return None
     env = DroneSwarmSearch(
         SEARCH_SIZE,
-        persons=[leeway.person(**known, probability_of_detection=DETECTION)],
+        persons=[person],
         n_drones=len(DRONES),
         timestep_limit=SEARCH_STEPS,
         mission="coverage",  # nobody is found, so the plan runs to its end
         bayesian_update=True,
     )
-    if env.scenario.mass_beyond_grid(SEARCH_STEPS) > 0.01:
-        return None
     policy = policies.make(options.policy, env.scenario)
     observations, infos = env.reset(seed=0, drones_positions=DRONES)
     policy.reset()

@@ -20,7 +20,6 @@ import numpy as np
 import pytest
 from helpers import bound_by_time, refusal
 
-from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch._internal import progress
 from DroneSwarmSearch.evaluation import SUITE, View, evaluate
@@ -122,22 +121,6 @@ def test_all_means_the_whole_suite(capsys, monkeypatch):
     monkeypatch.setattr("DroneSwarmSearch.evaluation.commands.SUITE", few)
     rows = rows_of(capsys, "evaluate", "random", "all", "--episodes", 2)
     assert [row["search"] for row in rows] == ["pond", "fog"]
-
-
-@pytest.mark.parametrize(
-    ("name", "reaches"), [("evaluate", True), ("evaluate", False), ("export", True)]
-)
-def test_a_grid_that_is_too_small_for_the_drift_causes_a_warning(capsys, tmp_path, name, reaches):
-    person = Person(Drift((3, 3), start_sd=0.3, vector=(0.3 if reaches else 0.0, 0)))
-    storm = tmp_path / "storm.json"
-    storm.write_text(json.dumps(Scenario(7, timestep_limit=10, persons=person).to_dict()), "utf-8")
-    arguments = {
-        "evaluate": ["random", storm, "--episodes", 2],
-        "export": [storm, "--policies", "random", "--out", tmp_path / "out.json"],
-    }
-    printed = answer(capsys, name, *arguments[name]).err
-    warning = "warning: storm: 4.8% of a person's forecast lies beyond the grid of 7 x 7 cells"
-    assert (warning in printed) == ("warning" in printed) == reaches
 
 
 def test_policies_can_come_from_files_and_modules(capsys, own, monkeypatch):

@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from helpers import refusal
 
-from DroneSwarmSearch import Scale, demo, leeway
 from DroneSwarmSearch import cli as command_line
+from DroneSwarmSearch import demo
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.incident import Incident
 from DroneSwarmSearch.rendering.painter import Painter
 from DroneSwarmSearch.rendering.player import Player
 from DroneSwarmSearch.rules import Ending
@@ -36,8 +36,6 @@ SEARCH = {
     "bayesian_update": True,
     "drones_positions": [[0, 0], [8, 0], [8, 8], [0, 8]],
 }
-INCIDENT = ["--object-class", "PIW-1", "--wind", "240", "20"]
-"""Options of a search for a person in the water."""
 
 
 @pytest.fixture
@@ -188,10 +186,6 @@ class TestOptions:
             ("--fps 0", "--fps must be a finite number of at least 0.1 and at most 50.0, got 0.0"),
             ("--policy none.npz", "argument --policy: there is no file 'none.npz'"),
             ("pond --drones 2", "argument --drones: not allowed with a SEARCH"),
-            ("--wind 240 20", "argument --wind: needs --object-class"),
-            ("--object-class PIW-1", "argument --object-class: needs --wind FROM KNOTS"),
-            ("--object-class PIW --wind 1 1", "must be a key of leeway.CLASSES, got 'PIW'; the"),
-            ("--object-class PIW-1 --wind 1 1 --adrift -1", "--adrift must be a finite number"),
             ("--manual", "argument --text: not allowed with argument --manual"),
         ],
     )
@@ -217,6 +211,23 @@ class TestOptions:
         (pond,) = evaluate("greedy-posterior", "pond", episodes=1, seed=3).episodes.steps
         assert summary["steps"] == f"{pond} of at most 40"
 
+    def test_an_incident(self, tmp_path, capsys):
+        incident = Incident(
+            position=(54.18, 7.85),
+            time="2026-03-01T05:30Z",
+            object_class="PIW-1",
+            wind=(8, 4),
+            endurance=1500,
+        )
+        incident.save(tmp_path / "raft.json")
+        assert demo.main([str(tmp_path / "raft.json"), "--text"]) == 0
+        captured = capsys.readouterr()
+        assert captured.err == ""
+        assert captured.out.startswith("raft: PIW-1 at 54.1800° N, 7.8500° E, 2026-03-01 05:30 UTC")
+        summary = figures(captured.out)
+        metres, seconds = re.findall(r"[\d.]+", summary["scale"])
+        assert float(metres) == pytest.approx(2 * 20 * float(seconds), rel=0.01)
+
     def test_the_coverage_mission(self, tmp_path, capsys):
         assert demo.main([search_file(tmp_path, mission="coverage"), "--text"]) == 0
         summary = figures(capsys.readouterr().out)
@@ -231,43 +242,6 @@ def shown_as_text(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> list[Fram
     monkeypatch.setattr(demo, "print_frames", lambda frames, fps: shown.extend(frames))
     assert demo.main(["--text", *arguments]) == 0
     return shown
-
-
-class TestIncident:
-    def test_it_prints_the_hypotheses_the_result_and_the_scale(self, capsys):
-        assert demo.main(["--text", *INCIDENT, "--adrift", "600", "--seed", "1"]) == 0
-        captured = capsys.readouterr()
-        assert captured.err == ""
-        assert captured.out.splitlines()[1] == "hypotheses: 50% 50%"
-        summary = figures(captured.out)
-        assert summary["persons found"] == "1 of 1"
-        assert re.fullmatch(r"\d+\.\d% \(probability of success\)", summary["POS"])
-        assert summary["scale"] == "cells of 130 m, steps of 13 s"
-
-    def test_it_is_the_drift_of_the_leeway_model(self, monkeypatch):
-        arguments = [*INCIDENT, "--adrift", "3600", "--cell", "100", "--drone-speed", "5"]
-        last = shown_as_text(monkeypatch, *arguments)[-1]
-        person = leeway.person(
-            "PIW-1",
-            start=(0, 0),
-            wind=leeway.wind_from(240, 20 * leeway.KNOT),
-            adrift=3600,
-            scale=Scale(100, 20),
-        )
-        vector = np.mean([drift.vector for drift in person.drifts], axis=0)
-        assert last.vector == pytest.approx(vector)
-
-    @pytest.mark.parametrize("adrift", ["0", "1800", "7200"])
-    def test_the_grid_is_around_the_forecast(self, adrift, capsys, monkeypatch):
-        arguments = [*INCIDENT, "--adrift", adrift, "--prior", "--seed", "1"]
-        shown = shown_as_text(monkeypatch, *arguments)
-        assert capsys.readouterr().err == ""
-        assert (shown[0].grid_size > 20) == (adrift == "7200")
-        last = shown[-1]
-        matrix, at = last.matrix.astype(float), np.arange(last.grid_size)
-        mean = [matrix.sum(axis=axis) @ at for axis in (0, 1)]
-        middle = last.grid_size // 2 + (last.step - 40) * np.array(last.vector)
-        assert mean == pytest.approx(middle, abs=1), "halfway, it is in the middle of the grid"
 
 
 @pytest.mark.usefixtures("dummy_display")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -28,19 +27,6 @@ calibration = module_at(ROOT / "tests" / "benchmarks" / "calibration.py")
 
 NAMES = list(figures.REGISTRY)
 THEMES = [theme.name for theme in figures.THEMES]
-
-
-@pytest.fixture(autouse=True, scope="module")
-def short_flight() -> Iterator[None]:
-    """Let the drones of the guide's incident fly for a few minutes."""
-    code_block = figures.code_block
-
-    def shorter(page: str, part: str) -> str:
-        return code_block(page, part).replace("whole_steps(45 * 60)", "whole_steps(8 * 60)")
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "code_block", shorter)
-        yield
 
 
 # The figures.

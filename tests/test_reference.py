@@ -38,6 +38,7 @@ PUBLIC_MODULES = (
     "DroneSwarmSearch.env",
     "DroneSwarmSearch.single_drone_env",
     "DroneSwarmSearch.drift",
+    "DroneSwarmSearch.incident",
     "DroneSwarmSearch.leeway",
     "DroneSwarmSearch.priors",
     "DroneSwarmSearch.detection",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
@@ -14,23 +13,16 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.tracks import Tracks
 
-__all__ = ["MASS_BEYOND", "MAX_DIFFUSION", "AxisDrift", "Drift", "Person", "warn_of_mass_beyond"]
+__all__ = ["MAX_DIFFUSION", "AxisDrift", "Drift", "Person"]
 
 
 MAX_DIFFUSION = 2 / 3
 """The variance of a step to one of three adjacent cells at random."""
 
-_LARGE = 1e300
-"""Stands for larger numbers, so that differences of two of them stay finite."""
-
 _ROUNDING = 1e-12
-
-MASS_BEYOND = 0.01
-"""The share of a forecast beyond the grid above which there is a warning."""
 
 _SAMPLED_STEPS = 33
 
@@ -173,7 +165,13 @@ class Drift:
 
         On a grid without borders; the start must not be an array.
         """
-        return np.array([_normal(axis, axis.start or 0.0, step) for axis in self.axes]).T
+        from DroneSwarmSearch.drift.tables import displaced
+
+        tau = np.array(self.adrift + step, np.float64)
+        mean = np.add(self.start, displaced(np.asarray(self.vector), tau))
+        by_drift = displaced(np.asarray(self.vector_sd), tau)
+        variance = np.square(self.start_sd) + self.diffusion * tau + by_drift**2
+        return np.array([mean, np.sqrt(variance)])
 
     @cached_property
     def key(self) -> tuple[object, ...]:
@@ -198,27 +196,6 @@ class Drift:
                     f"{name}[{place}] must be a whole number from 0 to {grid_size - 1} "
                     f"unless start_sd or adrift is positive, got start={self.start}"
                 )
-
-    def mass_beyond(self, grid_size: int, step: int) -> float:
-        """The probability that the person would be beyond the grid if nothing stopped there.
-
-        The matrix never leaves the grid: its mean stops at the border, and it is truncated. This
-        is the share of the untruncated Gaussian outside of the grid after some completed steps.
-
-        Raises:
-            TypeError: an argument is not an integer.
-            ValueError: an argument is out of its limits, or the start does not fit.
-        """
-        size = checks.integer("grid_size", grid_size, 2, checks.LARGEST_EXACT)
-        step = checks.integer("step", step, 0, checks.LARGEST_EXACT)
-        self.check_grid(size)
-        if self.prior is None:
-            within = [_within(size, np.array([axis.start]), axis, step)[0] for axis in self.axes]
-            inside = within[0] * within[1]
-        else:
-            x, y = (_within(size, np.arange(size), axis, step) for axis in self.axes)
-            inside = y @ self.prior @ x
-        return min(max(1.0 - float(inside), 0.0), 1.0)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the values as plain data for JSON; `from_dict` reads it."""
@@ -367,20 +344,12 @@ class Person:
         for place, drift in enumerate(self.drifts):
             drift.check_grid(grid_size, f"{name}.drifts[{place}]")
 
-    def mass_beyond(self, grid_size: int, step: int) -> float:
-        """The mean of `Drift.mass_beyond` over the drifts, by weight; or the share of tracks."""
-        step += len(self.searched)
-        if self.tracks is not None:
-            return self.tracks.mass_beyond(grid_size, step)
-        beyond = [drift.mass_beyond(grid_size, step) for drift in self.drifts]
-        return math.fsum(w * mass for w, mass in zip(self.weights, beyond, strict=True))
-
     def extent(self, last: int) -> Floats:
         """Corners (x, y) of a rectangle that holds more than 99% of every forecast up to a step.
 
         float64, (2, 2), in cells, on a grid without borders; no start may be an array.
         """
-        steps = _some_steps(last)
+        steps = {len(self.searched) + step for step in _some_steps(last)}
         if self.tracks is not None:
             parts = [self.tracks.positions[min(step, self.tracks.steps)] for step in steps]
             corners = np.array([np.quantile(part, (0.001, 0.999), axis=0) for part in parts])
@@ -418,24 +387,6 @@ class Person:
             except (TypeError, ValueError) as error:
                 raise type(error)(f"drifts[{place}]: {error}") from None
         return cls(**{**values, "drifts": drifts})
-
-
-def warn_of_mass_beyond(
-    persons: Sequence[Person], grid_size: int, timestep_limit: int, stacklevel: int
-) -> None:
-    """Warn if more than 1% of a person's forecast lies beyond the grid within the time limit."""
-    last = checks.integer("timestep_limit", timestep_limit, 1, checks.LARGEST_EXACT)
-    beyond, step = max(
-        (person.mass_beyond(grid_size, step), -step)
-        for person in persons
-        for step in _some_steps(last)
-    )
-    if beyond > MASS_BEYOND:
-        warnings.warn(
-            f"{beyond:.1%} of a person's forecast lies beyond the grid of {grid_size} x "
-            f"{grid_size} cells at step {-step}: take a larger grid, or larger cells",
-            stacklevel=stacklevel + 1,
-        )
 
 
 def _some_steps(last: int) -> set[int]:
@@ -547,32 +498,3 @@ def _along_axes(value: Any) -> tuple[Any, Any]:
     """A validated value along x and along y: numbers, or tuples with one for each step."""
     x, y = map(tuple, value.T.tolist()) if isinstance(value, np.ndarray) else value
     return x, y
-
-
-def _displaced(rate: float | tuple[float, ...], tau: float) -> float:
-    """The scalar form of `tables.displaced`."""
-    if not isinstance(rate, tuple):
-        return rate * tau
-    known = int(min(tau, len(rate) - 1))
-    return sum(rate[:known]) + rate[known] * (tau - known)
-
-
-def _normal(axis: AxisDrift, starts: Any, step: int) -> tuple[Any, float]:
-    """The means, for each of some starts, and the standard deviation along an axis."""
-    tau = float(axis.adrift + step)
-    shift = min(max(_displaced(axis.velocity, tau), -_LARGE), _LARGE)
-    by_drift = _displaced(axis.velocity_sd, tau)
-    deviation = math.hypot(axis.start_sd, math.sqrt(axis.diffusion * tau), by_drift)
-    return np.clip(starts + shift, -_LARGE, _LARGE), deviation
-
-
-def _within(grid_size: int, starts: NDArray[Any], axis: AxisDrift, step: int) -> Floats:
-    """The probability of staying within the grid along an axis, for each of some starts."""
-    mean, deviation = _normal(axis, starts, step)
-    if deviation == 0.0:
-        within: Floats = ((mean >= -0.5) & (mean < grid_size - 0.5)).astype(np.float64)
-        return within
-    scale = min(deviation, _LARGE) * math.sqrt(2)
-    with np.errstate(over="ignore"):  # an infinite argument of erf is clipped
-        low, high = ((edge - mean) / scale for edge in (-0.5, grid_size - 0.5))
-    return 0.5 * (erf(high) - erf(low))

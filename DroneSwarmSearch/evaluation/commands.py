@@ -13,7 +13,6 @@ from pathlib import Path
 from DroneSwarmSearch import policies
 from DroneSwarmSearch._internal.errors import printed_warnings
 from DroneSwarmSearch._internal.files import StorageError
-from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
 from DroneSwarmSearch.evaluation import board, exporting, recording, suite
 from DroneSwarmSearch.evaluation.results import Evaluation, csv_text, save_csv
 from DroneSwarmSearch.evaluation.run import bounds_of, check_names, manifest
@@ -154,16 +153,8 @@ def _searches(options: argparse.Namespace) -> list[NamedSearch]:
 
 
 def _search(name: str) -> NamedSearch:
-    """A search of the suite or of a file; warns if persons at sea may drift beyond the grid.
-
-    Elsewhere the border is a part of the search: persons given by a cell and a vector stop there.
-    """
-    found = suite.search(name)
-    scenario, persons = found.scenario, found.scenario.persons
-    if persons is not None:
-        with printed_warnings(f"{found.name}: "):
-            warn_of_mass_beyond(persons, scenario.grid_size, scenario.timestep_limit, stacklevel=1)
-    return found
+    with printed_warnings(f"{name}: "):
+        return suite.search(name)
 
 
 def _print_suite() -> None:

@@ -111,7 +111,7 @@ def search(name: str) -> NamedSearch:
     A file holds the parameters of a scenario, as `Scenario.to_dict` returns them, and may hold the
     other attributes of a `NamedSearch`: "name", by default the name of the file, "reason", "scale"
     and "drones_positions", the start cells. Files of tracks are relative to its folder. The entries
-    of the suite have this form.
+    of the suite have this form. An incident's file, see `Incident.save`, is the search for it.
 
     Raises:
         ValueError: the suite has no such search, or there is no such file, or it does not hold a
@@ -122,8 +122,12 @@ def search(name: str) -> NamedSearch:
         if not path.is_file():
             raise ValueError(f"search must name a file, but there is no {name!r:.100}")
         try:
-            defaults = {"name": path.stem, "reason": "Read from a file."}
-            return _named({**defaults, **_read(path)})
+            data = _read(path)
+            if "swath" in data:
+                from DroneSwarmSearch.incident import Incident
+
+                return replace(Incident.read(path).search(), name=path.stem)
+            return _named({"name": path.stem, "reason": "Read from a file.", **data})
         except (OSError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: {error}") from error
     if name not in SUITE:

@@ -211,7 +211,9 @@ class Incident:
             f"{abs(longitude):.4f}° {'EW'[longitude < 0]}, {self.time:%Y-%m-%d %H:%M} UTC"
         )
         for name, flow in (("wind", self.wind), ("current", self.current)):
-            if isinstance(flow, tuple) and any(flow) and not self.tracks:
+            if isinstance(flow, Mapping):
+                text += f", {name} as forecast"
+            elif flow is not None and any(flow) and not self.tracks:
                 turned = 180.0 if name == "wind" else 0.0
                 degrees = round(math.degrees(math.atan2(*flow)) + turned) % 360
                 towards = "from" if name == "wind" else "to"
@@ -276,8 +278,10 @@ class Incident:
     # Files.
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the incident as JSON, an object with its values."""
+        """Write the incident as JSON: an object with its values, `tracks` as seen from the file."""
         values = {each.name: getattr(self, each.name) for each in fields(self)}
+        if self.tracks is not None:
+            values["tracks"] = os.path.relpath(self.tracks, Path(path).parent)
         write_text(Path(path), json.dumps(values, indent=1, default=datetime.isoformat) + "\n")
 
     @classmethod
