@@ -16,9 +16,6 @@ from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.tracks import Tracks
 
-__all__ = ["MAX_DIFFUSION", "AxisDrift", "Drift", "Person"]
-
-
 MAX_DIFFUSION = 2 / 3
 """The variance of a step to one of three adjacent cells at random."""
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from DroneSwarmSearch._internal import checks
 
-__all__ = ["Scale"]
-
 Pair = tuple[float, float]
 
 

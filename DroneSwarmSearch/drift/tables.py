@@ -35,20 +35,6 @@ from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift.persons import Drift, Person
 
-__all__ = [
-    "Axes",
-    "Drifter",
-    "Steps",
-    "all_moves",
-    "dispersion_rate",
-    "displaced",
-    "distribution",
-    "joint_of",
-    "matrices_of",
-    "moves_of",
-    "tabulate",
-]
-
 Array = NDArray[Any]
 Number = TypeVar("Number", float, Array)
 
