@@ -1,0 +1,241 @@
+"""The files of a flight plan: GPX, KML, GeoJSON and CSV; flights from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import xml.etree.ElementTree as ET
+from datetime import datetime, timezone
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.files import write_bytes, write_text
+from DroneSwarmSearch.incident.flights import Flight, Waypoint
+
+if TYPE_CHECKING:
+    from DroneSwarmSearch.incident.flight_plan import FlightPlan
+
+COLOURS = ["e69f00", "56b4e9", "009e73", "f0e442", "0072b2", "d55e00", "cc79a7", "000000"]
+"""Of drones, from M. Okabe and K. Ito, Color universal design, 2008."""
+
+MAP = 230, 0, 130
+"""The colour of the probability: visible on dark and on light seas, and no drone's."""
+
+Line = list[tuple[float, float]]
+
+
+def save(plan: FlightPlan, folder: Path) -> None:
+    """Write plan.gpx, plan.kml with its map overlay.png, plan.geojson and plan.csv."""
+    overlays = _write_overlays(plan, folder)
+    for name, root in (("plan.gpx", _gpx(plan)), ("plan.kml", _kml(plan, overlays))):
+        ET.indent(root)
+        write_bytes(folder / name, ET.tostring(root, "utf-8", xml_declaration=True))
+    collection = {"type": "FeatureCollection", "features": _features(plan)}
+    write_text(folder / "plan.geojson", json.dumps(collection) + "\n")
+    write_text(folder / "plan.csv", _csv(plan))
+
+
+def read_csv(path: Path) -> list[list[Waypoint]]:
+    """The waypoints of each drone, planned or really flown, from a file such as plan.csv.
+
+    It needs the columns drone, time_utc, latitude_deg and longitude_deg. Without the column
+    searching, drones search on all legs.
+
+    Raises:
+        ValueError: a column is missing, a value is wrong, the times of a drone do not increase, or
+            there is no waypoint.
+    """
+    flights: dict[int, list[Waypoint]] = {}
+    with open(path, newline="", encoding="utf-8-sig") as file:
+        rows = csv.DictReader(file, restval="")
+        for row in rows:
+            row.setdefault("searching", "true")
+            line, values = f"{path}, line {rows.line_num}", []
+            for name, (parse, what) in PARSERS.items():
+                given = row.get(name, "no such column")
+                try:
+                    values.append(parse(given))
+                except ValueError:
+                    raise ValueError(f"{line}: {name} must be {what}, got {given!r}") from None
+            flight = flights.setdefault(values[0], [])
+            if flight and values[1] <= flight[-1].time:
+                raise ValueError(f"{line}: time_utc must increase, got {row['time_utc']!r}")
+            flight.append(Waypoint(*values))
+    if not flights:
+        raise ValueError(f"{path} must hold waypoints, one per line, got none")
+    return [flights[drone] for drone in sorted(flights)]
+
+
+def _time(text: str) -> datetime:
+    time = datetime.fromisoformat(text.replace("Z", "+00:00"))
+    if time.tzinfo is None:
+        raise ValueError
+    return time.astimezone(timezone.utc)
+
+
+PARSERS: dict[str, Any] = {
+    "drone": (lambda text: checks.integer("", int(text), 0), "a whole number of at least 0"),
+    "time_utc": (_time, "a time with its zone, such as 2026-03-01T05:30:00Z"),
+    "latitude_deg": (lambda text: checks.real("", float(text), -90, 90), "from -90 to 90"),
+    "longitude_deg": (lambda text: checks.real("", float(text), -180, 180), "from -180 to 180"),
+    "searching": (lambda text: bool(("false", "true").index(text.lower())), "true or false"),
+}
+"""How to read the columns that become a `Waypoint`, and what they must be."""
+
+
+def _gpx(plan: FlightPlan) -> ET.Element:
+    """GPX 1.1, with a route for each drone."""
+    space = {"xmlns": "http://www.topografix.com/GPX/1/1", "version": "1.1"}
+    root = ET.Element("gpx", space, creator="DroneSwarmSearch")
+    for drone, flight in enumerate(plan.flights):
+        route = _add(root, "rte", name=f"drone {drone}", desc=plan.search.reason)
+        for number, each in enumerate(flight):
+            name, time = f"{drone}-{number:02d}", _utc(each.time)
+            point = _add(route, "rtept", ele=plan.incident.altitude, time=time, name=name)
+            point.attrib = {"lat": f"{each.latitude:.7f}", "lon": f"{each.longitude:.7f}"}
+    return root
+
+
+def _kml(plan: FlightPlan, overlays: dict[str, dict[str, float]]) -> ET.Element:
+    """KML 2.2, with flights, waypoints, and the map at the start of the search."""
+    root = ET.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
+    document = _add(root, "Document", name="flight plan", description=plan.search.reason)
+    for name, box in overlays.items():
+        what = "probability at the start of the search"
+        _add(document, "GroundOverlay", name=what, Icon={"href": name}, LatLonBox=box)
+    known = _shape([plan.incident.position[::-1]], 0)
+    _add(document, "Placemark", name="last known position", Point=known)
+    for drone, flight in enumerate(plan.flights):
+        colour = "ff" + bytes.fromhex(COLOURS[drone % len(COLOURS)])[::-1].hex()
+        icon, line = {"color": colour, "scale": 0.5}, {"color": colour, "width": 2}
+        style = {"IconStyle": icon, "LineStyle": line}
+        folder = _add(document, "Folder", name=f"drone {drone}")
+        parent = _add(folder, "Placemark", name=f"flight of drone {drone}", Style=style)
+        lines = _split(flight)
+        if len(lines) > 1:
+            parent = _add(parent, "MultiGeometry")
+        for each in lines:
+            _add(parent, "LineString", **_shape(each, plan.incident.altitude))
+        for number, (now, after) in enumerate(pairwise([*flight, flight[-1]])):
+            span = {"begin": _utc(now.time), "end": _utc(after.time)}
+            name, point = f"{drone}-{number:02d}", _shape(_points([now]), plan.incident.altitude)
+            _add(folder, "Placemark", name=name, TimeSpan=span, Style=style, Point=point)
+    return root
+
+
+def _write_overlays(plan: FlightPlan, folder: Path) -> dict[str, dict[str, float]]:
+    """Write the map at the start as PNG, in two parts at the date line; its edges, by file.
+
+    The edges are the parallels and meridians through the middles of the grid's edges. With these d
+    from the centre, corners are off by 1.1 d² tan(latitude) / R, where R is the radius of the
+    earth: by 30 m for 10 km at 60 degrees.
+    """
+    import pygame
+
+    matrix, locate = plan.prior(0), plan.incident.locate
+    size, middle, end = len(matrix), len(matrix) / 2 - 0.5, len(matrix) - 0.5
+    (north, _), (south, _) = locate([(middle, -0.5), (middle, end)]).tolist()
+    (_, west), (_, east) = locate([(-0.5, middle), (end, middle)]).tolist()
+    parts = [("overlay.png", 0, size, west, east)]
+    if east < west:  # KML allows no longitude beyond 180 degrees
+        cut = min(max(round((180 - west) / (360 + east - west) * size), 1), size - 1)
+        parts = [("overlay_west.png", 0, cut, west, 180.0)]
+        parts.append(("overlay_east.png", cut, size, -180.0, east))
+    edges = {}
+    for name, first, last, west, east in parts:
+        pixels = np.full((size, last - first, 4), (*MAP, 0), np.uint8)
+        pixels[..., 3] = np.rint(255 * matrix[:, first:last] / matrix.max())
+        picture = pygame.image.frombuffer(pixels.tobytes(), (last - first, size), "RGBA")
+        pygame.image.save(picture, file := io.BytesIO(), ".png")
+        write_bytes(folder / name, file.getvalue())
+        edges[name] = {"north": north, "south": south, "east": east, "west": west}
+    return edges
+
+
+def _features(plan: FlightPlan) -> list[dict[str, Any]]:
+    """GeoJSON features: the last known position, and a line and the waypoints of each drone."""
+    features = [_feature("Point", plan.incident.position[::-1], name="last known position")]
+    for drone, flight in enumerate(plan.flights):
+        times = {"take_off_utc": _utc(flight[0].time), "landing_utc": _utc(flight[-1].time)}
+        whole = {"drone": drone, **times, "distance_m": round(_legs(plan, flight).sum())}
+        first, *others = _split(flight)
+        kind = "MultiLineString" if others else "LineString"
+        features.append(_feature(kind, [first, *others] if others else first, **whole))
+        for number, (each, point) in enumerate(zip(flight, _points(flight), strict=True)):
+            row = {"drone": drone, "waypoint": number, "time_utc": _utc(each.time)}
+            more = {"altitude_m": plan.incident.altitude, "searching": each.searching}
+            features.append(_feature("Point", point, **row, **more))
+    return features
+
+
+def _csv(plan: FlightPlan) -> str:
+    """A row for each waypoint; speed and searching are those of the leg that begins there."""
+    text = "drone,waypoint,time_utc,latitude_deg,longitude_deg,altitude_m,speed_m_s,searching\n"
+    for drone, flight in enumerate(plan.flights):
+        seconds = np.diff([each.time.timestamp() for each in flight])
+        speeds = [*(_legs(plan, flight) / seconds), 0.0]
+        for number, (each, speed) in enumerate(zip(flight, speeds, strict=True)):
+            text += f"{drone},{number},{_utc(each.time)},{each.latitude:.7f},{each.longitude:.7f},"
+            text += f"{plan.incident.altitude},{speed:.2f},{each.searching}\n"
+    return text
+
+
+def _utc(time: datetime) -> str:
+    return time.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _legs(plan: FlightPlan, flight: Flight) -> Floats:
+    """The lengths of the legs in metres."""
+    latitudes, longitudes = zip(*((each.latitude, each.longitude) for each in flight), strict=True)
+    points = plan.incident.layout.grid.plane.metres(latitudes, longitudes)
+    lengths: Floats = np.hypot(*np.diff(points, axis=0).T)
+    return lengths
+
+
+def _points(flight: Flight) -> Line:
+    """(longitude, latitude), the order of GeoJSON and KML."""
+    return [(round(each.longitude, 7), round(each.latitude, 7)) for each in flight]
+
+
+def _split(flight: Flight) -> list[Line]:
+    """Lines that end where they reach the date line, see RFC 7946, section 3.1.9."""
+    points = _points(flight)
+    lines = [points[:1]]
+    for (x, y), (next_x, next_y) in pairwise(points):
+        if abs(next_x - x) > 180:
+            edge = math.copysign(180, x)
+            gap = next_x + 2 * edge - x
+            crossing = y + (edge - x) / gap * (next_y - y) if gap else y
+            lines[-1].append((edge, crossing))
+            lines.append([(-edge, crossing)])
+        lines[-1].append((next_x, next_y))
+    return [line for line in lines if len(set(line)) > 1]
+
+
+def _feature(kind: str, coordinates: object, **properties: object) -> dict[str, Any]:
+    geometry = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _shape(line: Line, altitude: float) -> dict[str, str]:
+    """The elements of a KML point or line, at an altitude in metres above the sea."""
+    places = " ".join(f"{x:.7f},{y:.7f},{altitude}" for x, y in line)
+    return {"altitudeMode": "relativeToGround", "coordinates": places}
+
+
+def _add(parent: ET.Element, tag: str, **children: Any) -> ET.Element:
+    """Add an element with its children: texts, or elements as dicts."""
+    element = ET.SubElement(parent, tag)
+    for name, child in children.items():
+        if isinstance(child, dict):
+            _add(element, name, **child)
+        else:
+            ET.SubElement(element, name).text = str(child)
+    return element

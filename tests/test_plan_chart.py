@@ -1,0 +1,139 @@
+"""The map of a flight plan: what it says, where things are on it, and its files."""
+
+from __future__ import annotations
+
+import io
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch.drift.plane import TangentPlane
+from DroneSwarmSearch.incident import FlightPlan, Incident
+from DroneSwarmSearch.leeway import KNOT, current_towards, wind_from
+
+pytest.importorskip("matplotlib")
+
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation, Text
+
+from DroneSwarmSearch.incident import chart
+
+
+@cache
+def planned(position: tuple[float, float], base: tuple[float, float], drones: int) -> FlightPlan:
+    incident = Incident(
+        position=position,
+        time="2026-03-01T05:30Z",
+        object_class="LIFE-RAFT-SB-6",
+        wind=wind_from(300, 25 * KNOT),
+        current=current_towards(160, 0.5 * KNOT),
+        base=base,
+        drones=drones,
+        endurance=1800,
+    )
+    return incident.plan("greedy-posterior")
+
+
+def raft(drones: int = 3) -> FlightPlan:
+    return planned((54.18, 7.85), (54.19, 7.70), drones)
+
+
+@cache
+def drawn(plan: FlightPlan) -> Figure:
+    return chart.draw(plan)
+
+
+def texts(plan: FlightPlan) -> list[str]:
+    return [each.get_text() for each in drawn(plan).findobj(Text)]
+
+
+def test_the_title_and_the_legend_say_what_is_planned() -> None:
+    plan = raft()
+    shown = "\n".join(texts(plan))
+    for text in (
+        f"LIFE-RAFT-SB-6: probability of success {plan.probability_of_success:.0%} by 06:5",
+        "wind from 300° 25 kn",
+        "3 drones from 06:30",
+        "last known position, 05:30",
+        "minutes since 06:30",
+        "mean drift",
+        "swath 200 m; probability of detection 0.8; 20 m/s",
+        " km",
+        " NM",
+    ):
+        assert text in shown, text
+    assert {"N", "50%", "90%", "drone 1", "drone 2", "drone 3", "10", "15"} <= set(texts(plan))
+
+
+def test_ticks_are_where_their_positions_are() -> None:
+    plan = planned((69.9, 18.2), (69.9, 18.2), 1)
+    axes: Any = drawn(plan).axes[0]
+    x, y = np.mean(axes.get_xlim()), np.mean(axes.get_ylim())
+    for which, ticks, labels in (
+        (0, [(x, each) for each in axes.get_yticks()], axes.get_yticklabels()),
+        (1, [(each, y) for each in axes.get_xticks()], axes.get_xticklabels()),
+    ):
+        assert 2 <= len(ticks) <= 7
+        for cell, label in zip(ticks, labels, strict=True):
+            degrees, minutes = re.findall(r"[\d.]+", label.get_text())
+            stated = int(degrees) + float(minutes) / 60
+            assert plan.incident.locate(cell)[which] == pytest.approx(stated, abs=2e-4)
+
+
+@pytest.mark.parametrize("longitude", [179.965, 179.985])
+def test_longitudes_change_their_letter_at_the_date_line(longitude: float) -> None:
+    ticks = [
+        each for each in texts(planned((-17.1, longitude), (-17.1, longitude), 1)) if "'" in each
+    ]
+    assert any(each.endswith("S") for each in ticks)
+    assert {each[-1] for each in ticks if each[-1] != "S"} == {"E", "W"}
+    assert any(each.startswith("180° 00.0'") for each in ticks)
+
+
+def test_a_place_off_the_map_has_its_distance_and_direction() -> None:
+    plan = raft()
+    (text,) = (each for each in texts(plan) if each.startswith("take-off"))
+    found = re.fullmatch(r"take-off, 06:30: ([\d.]+) km \(([\d.]+) NM\), (\d+)°", text)
+    assert found is not None
+    kilometres, miles, degrees = map(float, found.groups())
+    arrows = [each for each in drawn(plan).findobj(Annotation) if each.arrow_patch]
+    tip = max(arrows, key=Annotation.get_zorder).xy
+    way = TangentPlane(*plan.incident.locate(tip)).metres(54.19, 7.70)
+    assert kilometres == pytest.approx(np.hypot(*way) / 1000, abs=0.06)
+    assert miles == pytest.approx(kilometres / 1.852, abs=0.06)
+    assert degrees == pytest.approx(np.degrees(np.arctan2(*way)) % 360, abs=1)
+    assert not any(each.startswith("last known position, 05:30:") for each in texts(plan))
+
+
+def test_contours_hold_half_and_nine_tenths_of_the_probability() -> None:
+    plan = raft()
+    axes: Any = drawn(plan).axes[0]
+    held = []
+    size = plan.search.scenario.grid_size
+    cells = np.stack(np.meshgrid(np.arange(size), np.arange(size)), axis=-1).reshape(-1, 2)
+    maps = np.repeat([plan.prior(0), plan.prior(len(plan.success) - 1)], 2, axis=0)
+    for lines, mass in zip(axes.collections, maps, strict=True):
+        inside = np.any([path.contains_points(cells) for path in lines.get_paths()], axis=0)
+        held.append(mass.ravel()[inside].sum() / mass.sum())
+    assert held == pytest.approx([0.5, 0.9, 0.5, 0.9], abs=0.03)
+
+
+def test_tracks_differ_without_colours() -> None:
+    content = io.StringIO()
+    drawn(raft(6)).savefig(content, format="svg")
+    dashes = set(re.findall("stroke-dasharray: ([^;]+);", content.getvalue()))
+    assert len(dashes) >= 6  # those of five drones, and of the first areas
+
+
+def test_the_files_are_of_one_size_and_equal_maps_make_equal_files(tmp_path: Path) -> None:
+    for folder in (tmp_path / "first", tmp_path / "second"):
+        chart.save(raft(1), folder)
+    png = (tmp_path / "first" / "map.png").read_bytes()
+    assert int.from_bytes(png[16:20], "big") == 1322
+    svg = (tmp_path / "first" / "map.svg").read_bytes()
+    assert svg.startswith(b"<?xml")
+    assert svg == (tmp_path / "second" / "map.svg").read_bytes()
