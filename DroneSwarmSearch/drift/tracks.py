@@ -22,8 +22,6 @@ from DroneSwarmSearch.drift.scale import Scale
 if TYPE_CHECKING:
     from DroneSwarmSearch.scenario import Scenario
 
-__all__ = ["Tracks"]
-
 MOST_LOST = 0.1
 """The largest share of lost tracks: nobody knows what became of them."""
 
