@@ -39,7 +39,7 @@ def polygon(grid_size: int, vertices: ArrayLike) -> Floats:
     in order along the boundary, shape (n, 2). The polygon need not be convex, but its edges must
     not cross.
     """
-    size = _checked_size(grid_size)
+    size = checks.integer("grid_size", grid_size, 2)
     corners = _positions("vertices", vertices, 3)
     x, y = corners.T
     end_x, end_y = np.roll(x, -1), np.roll(y, -1)
@@ -68,14 +68,13 @@ def line(grid_size: int, vertices: ArrayLike, *, sd: float = 0.0) -> Floats:
     deviation of the distance from it along each axis, in cells. Points on the line stand for it,
     sd/4 apart but at least 1/100 of a cell, so with 0, the length in each cell is accurate to that.
     """
-    size = _checked_size(grid_size)
+    size = checks.integer("grid_size", grid_size, 2)
     corners = _positions("vertices", vertices, 2)
     error = checks.real("sd", sd, 0)
     mass, total = np.zeros((size, size)), 0.0
     for start, end in pairwise(corners):
         length = math.dist(start, end)
         count = math.ceil(length / max(error / 4, 1 / _PARTS)) or 1
-        checks.fits("the points on the line", 16 * count * size, vertices=vertices, sd=error)
         shares = (np.arange(count) + 0.5) / count
         points = start + np.multiply.outer(shares, end - start)
         if error:
@@ -102,7 +101,7 @@ def gaussian(
         correlation: between x and y, from -0.999 to 0.999. Positive values stretch the map
             from the upper left to the lower right, because y grows downward.
     """
-    size = _checked_size(grid_size)
+    size = checks.integer("grid_size", grid_size, 2)
     centre_x, centre_y = checks.pair("mean", mean)
     both = (sd, sd) if checks.is_number(sd) else checks.pair("sd", sd)
     sd_x, sd_y = (checks.positive("sd", each) for each in both)
@@ -123,7 +122,7 @@ def from_points(grid_size: int, points: ArrayLike, weights: ArrayLike | None = N
 
     Points have the shape (n, 2), and weights of at least 0 the shape (n,): by default all equal.
     """
-    size = _checked_size(grid_size)
+    size = checks.integer("grid_size", grid_size, 2)
     given = _positions("points", points, 1)
     share = np.ones(len(given))
     if weights is not None:
@@ -135,12 +134,6 @@ def from_points(grid_size: int, points: ArrayLike, weights: ArrayLike | None = N
     if not 0.0 < total < math.inf:
         raise ValueError(f"weights must have a positive, finite sum, got {total}")
     return _normalised("points", _histogram(size, given, share), total)
-
-
-def _checked_size(grid_size: object) -> int:
-    size = checks.integer("grid_size", grid_size, 2)
-    checks.fits("the map", 8 * size**2, grid_size=size)
-    return size
 
 
 def _parts(grid_size: int) -> Floats:

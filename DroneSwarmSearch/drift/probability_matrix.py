@@ -27,8 +27,6 @@ from DroneSwarmSearch.drift.tables import (
     tabulate,
 )
 
-__all__ = ["ProbabilityMatrix"]
-
 CACHE_BYTES = 16 * 2**20
 """The largest tables that a forecast keeps; later ones are made again in each episode."""
 
@@ -84,7 +82,6 @@ class ProbabilityMatrix(DriftModel):
             raise TypeError(f"person must be a Person or a Drift, got {person!r}")
         person.check_grid(size)
         hypotheses = len(person.drifts)
-        checks.fits("a matrix", 4 * size**2 * hypotheses, grid_size=size)
         self.person = person
         self.key = size, person.key
         self.weights = np.array(person.weights)

@@ -22,8 +22,6 @@ from DroneSwarmSearch.drift.scale import Scale
 if TYPE_CHECKING:
     from DroneSwarmSearch.scenario import Scenario
 
-__all__ = ["Tracks"]
-
 MOST_LOST = 0.1
 """The largest share of lost tracks: nobody knows what became of them."""
 
@@ -149,9 +147,9 @@ class Tracks:
 
     # The drift model.
 
-    def chain(self, grid_size: int, fine: int = 2, classes: int = 1) -> Chain:
-        """The drift model of the tracks on a grid; see `Person` for the arguments."""
-        key = grid_size, fine, classes
+    def chain(self, grid_size: int, fine: int = 2) -> Chain:
+        """The drift model of the tracks on a grid; see `Person` for `fine`."""
+        key = grid_size, fine
         if key not in self._chains:
             off = max(self._beyond(grid_size, step) for step in self._some_steps)
             if off > MOST_BEYOND:
@@ -211,7 +209,7 @@ class Tracks:
     # Files.
 
     def save(self, path: str | Path, fine: int = 2) -> None:
-        """Write a compact ``.npz`` for `read`: with this `fine` and one class, the same person."""
+        """Write a compact ``.npz`` for `read`: with this `fine`, the same person."""
         if Path(path).suffix != ".npz":
             raise ValueError(f"path must end in .npz, got {str(path)!r}")
         parts = np.floor((self.positions + 0.5) * checks.integer("fine", fine, 1, 4))

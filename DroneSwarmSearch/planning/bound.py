@@ -43,8 +43,6 @@ from DroneSwarmSearch.planning.trajectories import (
 )
 from DroneSwarmSearch.scenario import Scenario, checked_scenario
 
-__all__ = ["SuccessBound", "success_bound"]
-
 SAMPLE = 65536
 """Trajectories in a sample; with one person, sampling adds at most 0.9 percentage points."""
 

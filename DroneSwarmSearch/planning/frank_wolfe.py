@@ -16,8 +16,6 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 
-__all__ = ["Solution", "frank_wolfe", "line_search"]
-
 AVERAGING = 10.0
 """Tangent k has weight AVERAGING / (k + AVERAGING) in the mean, which forgets the early ones."""
 

@@ -27,8 +27,6 @@ from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.trajectories import Trajectories
 
-__all__ = ["Histories", "RememberingDrones"]
-
 Offset = tuple[int, int] | None
 """A cell (dx, dy) relative to the drone's; None without a search, or out of the drone's reach."""
 

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, numbers, unit_numbers
 from DroneSwarmSearch.drift.belief import means_over_missing, shown_persons
@@ -17,8 +16,6 @@ from DroneSwarmSearch.drift.model import forecasts_of
 from DroneSwarmSearch.rules import COVERED_AT
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.beliefs import Beliefs
-
-__all__ = ["BatchState", "Catalogue"]
 
 
 class Catalogue:
@@ -48,7 +45,7 @@ class Catalogue:
     ) -> None:
         self.scenarios, self.choices = (*scenarios, *kept), len(scenarios)
         self.cells, self.complete = cells, complete
-        size, limit = scenarios[0].grid_size, scenarios[0].timestep_limit
+        limit = scenarios[0].timestep_limit
         self.forecasts, numbers = forecasts_of(
             [model for scenario in self.scenarios for model in scenario.forecasts()],
             last=limit,
@@ -61,10 +58,6 @@ class Catalogue:
         steps = range(max(len(each.survival or [1]) for persons in situations for each in persons))
         alive = [[[*map(each.alive, steps)] for each in persons] for persons in situations]
         self.alive: Floats = np.array(alive)
-        if complete:
-            what = f"the table of matrices for {self.forecasts.count} different forecasts"
-            needed = self.forecasts.step_bytes * (limit + 1)
-            checks.fits(what, needed, grid_size=size, timestep_limit=limit)
         self.forecasts.reach(limit if complete else 0)
 
 
