@@ -11,7 +11,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,7 +21,7 @@ from helpers import bound_by_time, refusal
 
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch._internal import progress
-from DroneSwarmSearch.evaluation import SUITE, View, evaluate
+from DroneSwarmSearch.evaluation import SUITE, View, commands, evaluate
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS
@@ -74,25 +73,23 @@ def test_every_command_has_help(capsys):
         command.main(["--help"])
     assert stop.value.code == 0
     text = capsys.readouterr().out
-    names = ("play", "evaluate", "leaderboard", "bound", "record", "export")
-    for name in names:
+    for name in ("play", "evaluate", "leaderboard", "bound", "record", "export"):
         assert re.search(rf"^ +{name}\b", text, re.MULTILINE)
-    for name in names[1:]:
         with pytest.raises(SystemExit) as stop:
             command.main([name, "--help"])
         output = capsys.readouterr().out
         assert stop.value.code == 0
         assert f"usage: python -m DroneSwarmSearch {name}" in output
         assert f"\n  python -m DroneSwarmSearch {name} " in output  # an example
-        assert ("executed" in output) == (name != "bound")
+        assert ("executed" in output) == (name not in ("play", "bound"))
 
 
 @pytest.mark.parametrize("arguments", [[], ["play"], ["--text"]])
 def test_the_default_command_is_play(arguments, monkeypatch):
-    seen: list[Sequence[str]] = []
-    monkeypatch.setattr("DroneSwarmSearch.demo.main", lambda argv: seen.append(argv) or 0)
+    seen: list[Any] = []
+    monkeypatch.setitem(commands._COMMANDS, "play", seen.append)
     assert command.main(arguments) == 0
-    assert seen == [[each for each in arguments if each != "play"]]
+    assert [options.text for options in seen] == ["--text" in arguments]
 
 
 def test_the_list_has_all_policies_and_searches(capsys):
