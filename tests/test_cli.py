@@ -184,25 +184,26 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path):
         (["evaluate", "mine.py", "pond"], "got 'mine.py'; name an attribute of the file, too"),
         (["evaluate", "math:tau", "pond"], "math has none called 'tau'"),
         (["evaluate", "random", "pond", "--view", "drone"], "view must be 'swarm' or 'parallel'"),
-        (["bound", "no.json"], "search must name a file, but there is no 'no.json'"),
+        (["bound", "no.json"], "No such file or directory: 'no.json'"),
     ],
 )
 def test_wrong_arguments_are_refused(capsys, arguments, message):
     assert message in refusal(capsys, *arguments)
 
 
-def test_folders_and_damaged_weights_are_refused(capsys, tmp_path, monkeypatch):
+def test_damaged_weights_and_folders_are_refused(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    Path("folder.py").mkdir()
     Path("text.npz").write_text("no weights", "utf-8")
     np.save("array.npy", np.zeros(3))
     shutil.copy("array.npy", "array.npz")
     for text, message in (
-        ("folder.py:act", "'folder.py' is a folder"),
         ("text.npz", "text.npz must hold a network's weights"),
         ("array.npz", "array.npz must hold a network's weights"),
     ):
         assert message in refusal(capsys, "evaluate", text, "pond")
+    for text in ("none.npz", "none.py:act"):
+        line = answer(capsys, "evaluate", text, "pond", code=1).err
+        assert line.endswith(f"{text.removesuffix(':act')}: No such file or directory\n")
     Path("out").write_text("a file", "utf-8")
     for arguments in (("evaluate", "random", "pond"), ("bound", "pond")):
         output = answer(capsys, *arguments, "--out", "out", code=1)
@@ -348,7 +349,7 @@ def test_without_a_terminal_there_are_occasional_lines(capsys, clock):
         for _ in range(7):
             clock[0] += 10.0
             bar(clock[0] - 100.0)
-    lines = ["work: 1%, about 49 min 30 s left", "work: 2%, about 49 min 00 s left"]
+    lines = ["work: 1%, 0:49:30 left", "work: 2%, 0:49:00 left"]
     assert capsys.readouterr().err.splitlines() == lines
 
 
@@ -363,7 +364,7 @@ def test_a_terminal_shows_a_bar_after_two_seconds(monkeypatch, clock, shown):
         assert terminal.getvalue() == ""
         clock[0] += 2.1
         bar(2.0)
-    drawn = f"\rwork [{'#' * 15}{' ' * 15}] 50%, about 4 s left\x1b[K\r\x1b[K"
+    drawn = f"\rwork [{'#' * 15}{' ' * 15}] 50%, 0:00:04 left\x1b[K\r\x1b[K"
     assert terminal.getvalue() == (drawn if shown else "")
 
 

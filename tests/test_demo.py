@@ -183,7 +183,6 @@ class TestOptions:
         [
             ("--drones 0", "--drones must be an integer from 1 to 92, got 0"),
             ("--fps 0", "--fps must be a finite number of at least 0.1 and at most 50.0, got 0.0"),
-            ("--policy none.npz", "policy must name a file, but 'none.npz' does not exist"),
             ("pond --drones 2", "argument --drones: not allowed with a SEARCH"),
             ("--manual", "argument --text: not allowed with argument --manual"),
         ],

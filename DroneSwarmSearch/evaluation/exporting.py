@@ -15,15 +15,13 @@ from numpy.typing import NDArray
 
 import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.files import check_writable, write_text
+from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
-
-SUFFIX = ".json"
 
 
 def export(
@@ -71,30 +69,30 @@ def export(
         OSError: the file cannot be written.
         TypeError, ValueError: an argument is invalid.
     """
-    if Path(path).suffix.lower() != SUFFIX:
-        raise ValueError(f"path must end in {SUFFIX}, got {str(path)!r:.100}")
     where = as_named(search).with_posterior(bayesian_update)
     specs = [PolicySpec.of(policy) for policy in policies]
     numbers = [checks.integer("seeds", seed, 0) for seed in seeds]
-    check_writable(Path(path))
-
     maps, episodes = _Maps(), []
-    with Progress(f"episodes of {where.name}", len(specs) * len(numbers)) as bar:
+    with (
+        replacing(Path(path)) as spare,
+        Progress(f"episodes of {where.name}", len(specs) * len(numbers)) as bar,
+    ):
         for spec in specs:
             policy = spec.make(where.scenario)
             for seed in numbers:
                 who = {"policy": spec.name, "seed": seed}
                 episodes.append(who | _episode(list(play(policy, where, seed)), maps))
                 bar(len(episodes))
-    data = {
-        "format": "DroneSwarmSearch episodes",
-        "version": 1,  # of the format
-        "package": DroneSwarmSearch.__version__,
-        "search": _description(where),
-        "maps": maps.data(),
-        "episodes": episodes,
-    }
-    write_text(Path(path), json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n")
+        data = {
+            "format": "DroneSwarmSearch episodes",
+            "version": 1,  # of the format
+            "package": DroneSwarmSearch.__version__,
+            "search": _description(where),
+            "maps": maps.data(),
+            "episodes": episodes,
+        }
+        content = json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n"
+        spare.write_bytes(content.encode())
     return data
 
 

@@ -20,8 +20,6 @@ from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
 
-__all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search"]
-
 
 @dataclass(frozen=True)
 class NamedSearch:
@@ -119,8 +117,6 @@ def search(name: str) -> NamedSearch:
     """
     if name.endswith(".json"):
         path = Path(name)
-        if not path.is_file():
-            raise ValueError(f"search must name a file, but there is no {name!r:.100}")
         try:
             data = _read(path)
             if "swath" in data:
