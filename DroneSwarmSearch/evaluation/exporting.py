@@ -72,11 +72,10 @@ def export(
     where = as_named(search).with_posterior(bayesian_update)
     specs = [PolicySpec.of(policy) for policy in policies]
     numbers = [checks.integer("seeds", seed, 0) for seed in seeds]
+
     maps, episodes = _Maps(), []
-    with (
-        replacing(Path(path)) as spare,
-        Progress(f"episodes of {where.name}", len(specs) * len(numbers)) as bar,
-    ):
+    title, total = f"episodes of {where.name}", len(specs) * len(numbers)
+    with replacing(Path(path)) as spare, Progress(title, total) as bar:
         for spec in specs:
             policy = spec.make(where.scenario)
             for seed in numbers:
@@ -91,8 +90,8 @@ def export(
             "maps": maps.data(),
             "episodes": episodes,
         }
-        content = json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n"
-        spare.write_bytes(content.encode())
+        text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+        spare.write_bytes(f"{text}\n".encode())
     return data
 
 
