@@ -41,9 +41,6 @@ _ROUNDING = 1 / 60
 """The variance per step by rounding to cells: 1/12 at each end of some ten steps, after which a
 drone may be back."""
 
-_LARGE_SD = 1e12
-"""Stands for larger standard deviations, whose squares could overflow."""
-
 _ABSENT = Drift((0, 0))
 """Stands for the hypotheses that a person has fewer than others; its weight is 0."""
 
@@ -136,12 +133,8 @@ def distribution(grid_size: int, axes: Axes, step: Array) -> Floats:
     in the last cell.
     """
     mean, tau = axes.mean(grid_size, step), step + axes.adrift
-    variance: Floats = axes.diffusion * tau
-    if np.any(axes.start_sd) or np.any(axes.velocity_sd):
-        start_sd, velocity_sd = (
-            np.minimum(sd, _LARGE_SD) for sd in (axes.start_sd, axes.velocity_sd)
-        )
-        variance = variance + start_sd**2 + displaced(velocity_sd, tau) ** 2
+    by_drift = displaced(axes.velocity_sd, tau)
+    variance: Floats = axes.diffusion * tau + axes.start_sd**2 + by_drift**2
     spreads = variance > 0.0
     deviation = np.sqrt(np.where(spreads, variance, 1.0))
     edges = np.arange(-0.5, grid_size).reshape(-1, *(1,) * np.broadcast(mean, deviation).ndim)
