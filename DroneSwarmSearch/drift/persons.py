@@ -182,7 +182,7 @@ class Drift:
         return cls(**data)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class Person:
     """A person to find: one or more hypotheses about the drift, one of which is true, or tracks.
 
@@ -247,12 +247,6 @@ class Person:
             if not isinstance(drift, Drift):
                 raise TypeError(f"drifts[{place}] must be a Drift, got {drift!r}")
         object.__setattr__(self, "drifts", tuple(drifts))
-
-    def __repr__(self) -> str:
-        detection = f"probability_of_detection={self.probability_of_detection!r}"
-        if self.tracks is None:
-            return f"Person(drifts={self.drifts!r}, {detection})"
-        return f"Person({self.tracks!r}, {detection}, fine={self.fine})"
 
     def alive(self, step: int) -> float:
         """The probability of being alive after a number of completed steps, from `survival`."""

@@ -112,7 +112,7 @@ def _play(
 
 class _Recorder:
     def __init__(self, batch: SearchBatch) -> None:
-        scenario, n = batch.scenario, batch.num_rows
+        scenario, n = batch.scenario_of(0), batch.num_rows
         self._batch, self._detections = batch, np.array(scenario.detections)
         self._covers = scenario.mission == "coverage"
         self.episodes = Episodes.empty(n, len(scenario.detections), scenario.timestep_limit)
@@ -187,7 +187,7 @@ class _Stage:
 
     def __init__(self, batch: SearchBatch, view: View) -> None:
         self._batch, self._view = batch, view
-        scenario, joint = batch.scenario, view.form != "drone"
+        scenario, joint = batch.scenario_of(0), view.form != "drone"
         self._names = tuple(f"drone{i}" for i in range(scenario.n_drones))
         self._neighbours, _ = grid_of(scenario.grid_size)
         self._observations = BatchObservations(

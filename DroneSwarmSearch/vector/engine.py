@@ -280,33 +280,25 @@ class SearchBatch:
 
     # A step.
 
-    def step(
-        self, actions: ArrayLike, matrices: Singles | None = None, *, autoreset: bool = True
-    ) -> None:
+    def step(self, actions: ArrayLike, *, autoreset: bool = True) -> None:
         """Let every drone act once; rows that have ended begin their next episodes instead.
 
         Args:
             actions: integers from 0 to 5, see `rules.Action`; shape (E, n_drones).
-            matrices: receives every row's matrix after the step, as from `write_matrices`.
             autoreset: False makes rows that have ended an error.
 
         Raises:
             ResetNeeded: before the first `reset`, after an interrupted step or reset, or for
                 rows that have ended if `autoreset` is False.
             TypeError: the actions are not integers.
-            ValueError: an action is out of range, or `matrices` or their shape is wrong. After
-                these errors the batch is unchanged.
+            ValueError: an action is out of range, or their shape is wrong. After these errors the
+                batch is unchanged.
         """
         if self._changing:
             raise ResetNeeded("step: a step or reset was interrupted; reset all searches first")
         if not self._seeded.all():
             raise ResetNeeded("step: not all episodes have begun; call reset() first")
         chosen = checked_actions(actions, self.cells.shape, np.int64)
-        if matrices is not None:
-            shape = (self.num_rows, *2 * (self._scenario.grid_size,))
-            given = matrices.shape, matrices.dtype, matrices.flags.writeable
-            if given != (shape, np.dtype(np.float32), True):
-                raise ValueError(f"matrices must be writeable, float32 and of shape {shape}")
         beginning = self.ended.nonzero()[0]
         if beginning.size and not autoreset:
             raise ResetNeeded(
@@ -354,30 +346,9 @@ class SearchBatch:
         if beginning.size:
             self._begin(beginning, self._counters[:, beginning] + GOLDEN, catalogue)
         world.catalogue.forecasts.reach(int(world.step.max()))
-
-        # 4. The new state can be read.
-        if matrices is not None:
-            world.write_matrices(matrices)
         self._changing = False
 
     # Parameters.
-
-    @property
-    def scenario(self) -> Scenario:
-        """The parameters of all searches in their current episodes.
-
-        Before the first `reset`, those of the constructor.
-
-        Raises:
-            ValueError: the searches have different persons; see `scenario_of`.
-        """
-        situation = self._world.situation
-        if (situation != situation[0]).any():
-            raise ValueError(
-                "there is no scenario of all searches, because they have different persons; "
-                "scenario_of(row) returns the scenario of one"
-            )
-        return self.scenario_of(0)
 
     def scenario_of(self, row: int) -> Scenario:
         """The parameters of one search in its current episode, its persons included."""
