@@ -68,6 +68,7 @@ class _Episode:
 
     Attributes:
         frame: the current one; its policy names who flies the drones.
+        search: what is played.
     """
 
     def __init__(
@@ -78,6 +79,7 @@ class _Episode:
         self._policy = make(name, search.scenario)
         self._policy.reset(seed=seed)
         self._hide_person = options.hide_person
+        self.search = search
         self._env = DroneSwarmSearch(scenario=search.scenario, render_mode=None)
         self._observations, _ = self._env.reset(seed, drones_positions=search.drones or None)
         self.frame = self._current_frame()
@@ -109,7 +111,7 @@ class _Episode:
     def _current_frame(self) -> Frame:
         frame = self._env.frame()
         hides = self._hide_person and frame.ending is None
-        return replace(frame, policy=self._label, hide_persons=hides)
+        return replace(frame, policy=self._label, hide_persons=hides, scale=self.search.scale)
 
 
 def _print_summary(
@@ -152,7 +154,8 @@ def _record(
 
     path, first = options.record, episode.frame
     print(f"recording to {path}, at most {first.timestep_limit} steps ...", file=sys.stderr)
-    painter = Painter(first.grid_size, _look(options))
+    reason = episode.search.reason if first.scale else ""
+    painter = Painter(first.grid_size, _look(options), reason=reason)
     try:
         write_video(path, painter, episode.frames(), fps=options.fps, hold=2.0)
     except (ImportError, ValueError) as error:
@@ -167,7 +170,8 @@ def _play_in_window(
     """Play episodes in a window until the user closes it; returns whether one could be opened."""
     from DroneSwarmSearch.rendering.player_window import PlayerWindow
 
-    window = PlayerWindow(search.scenario.grid_size, _look(options))
+    sentence = search.reason if search.scale else ""
+    window = PlayerWindow(search.scenario.grid_size, _look(options), sentence)
     try:
         window.open()
     except RuntimeError as error:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.rules import Ending
 
 __all__ = ["Frame"]
@@ -41,6 +42,7 @@ class Frame:
         total_return: the sum of all drones' rewards in this episode; None if not known.
         policy: a name to show; empty for none.
         hide_persons: missing persons are not drawn.
+        scale: of a search at sea, which is shown in kilometres, minutes and m/s.
     """
 
     matrix: NDArray[np.float32]
@@ -60,6 +62,7 @@ class Frame:
     total_return: float | None = None
     policy: str = ""
     hide_persons: bool = False
+    scale: Scale | None = None
 
     @property
     def grid_size(self) -> int:
@@ -84,14 +87,24 @@ class Frame:
         return tuple(person for person in self.uncertain_persons if not self.found[person])
 
     @property
+    def progress(self) -> tuple[str, str, str]:
+        """The unit of time, "step" or with a scale "minute", and how many so far and at most."""
+        if self.scale is None:
+            return "step", str(self.step), str(self.timestep_limit)
+        so_far, limit = (self.scale.seconds(n) / 60 for n in (self.step, self.timestep_limit))
+        digits = 0 if limit >= 10 else 1
+        return "minute", f"{so_far:.{digits}f}", f"{limit:.{digits}f}"
+
+    @property
     def outcome(self) -> str:
         """The text of the final banner; empty before the end of the episode."""
         if self.ending is None:
             return ""
+        took = f"{self.step} moves" if self.scale is None else f"{self.progress[1]} min"
         if self.ending is Ending.COVERED:
-            return f"The area was covered in {self.step} moves"
+            return f"The area was covered in {took}"
         if self.ending is Ending.FOUND:
-            return f"The target was found in {self.step} moves"
+            return f"The target was found in {took}"
         if not self.persons and self.probability_of_success is not None:
             return f"Probability of success {self.probability_of_success:.1%}"
         return "The target was not found"

@@ -1,22 +1,26 @@
 """Make the pictures of the README and the documentation in `docs/images`.
 
-    python docs/make_pictures.py [logo | video | gallery ...]
+    python docs/make_pictures.py [logo | video | gallery | plan ...]
 
 The same versions of the code, pygame and Pillow give the same bytes.
 """
 
 from __future__ import annotations
 
+import re
+import shlex
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pygame
 from numpy.typing import NDArray
 from PIL import Image
 
+from DroneSwarmSearch import cli
 from DroneSwarmSearch.evaluation import NamedSearch, record, search
 from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.frame import Frame
@@ -100,7 +104,17 @@ def cropped(frame: Frame) -> Frame:
     )
 
 
-PICTURES = {"logo": logo, "video": video, "gallery": gallery}
+def plan() -> None:
+    """Run the command of the guide "From a distress call to a plan", and save its map."""
+    guide = (IMAGES.parent / "guides" / "incident.md").read_text("utf-8")
+    (command,) = re.findall(r"^droneswarmsearch (plan --position .* --out) plan$", guide, re.M)
+    with TemporaryDirectory() as folder:
+        cli.main([*shlex.split(command), folder])
+        picture = Image.open(Path(folder) / "map.png").convert("RGB")
+        picture.quantize(64).save(IMAGES / "plan.png", optimize=True)
+
+
+PICTURES = {"logo": logo, "video": video, "gallery": gallery, "plan": plan}
 
 
 def main() -> None:

@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 from helpers import refusal
 
+from DroneSwarmSearch import Scale, demo
 from DroneSwarmSearch import cli as command_line
-from DroneSwarmSearch import demo
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.incident import Incident
@@ -280,6 +280,20 @@ class TestWindow:
         perform(monkeypatch, script)
         assert demo.main(["pond"]) == 0
         assert sizes[1] > sizes[0] == sizes[2]
+
+    def test_the_reason_of_a_search_at_sea_is_below_the_map(self, tmp_path, monkeypatch):
+        heights = []
+
+        def script(player: Player) -> Iterator[str]:
+            yield ""
+            heights.append(pygame.display.get_surface().get_height())
+
+        shown = perform(monkeypatch, script)
+        monkeypatch.setattr(pygame.display, "get_desktop_sizes", lambda: [(1920, 1080)])
+        for scale in (None, {"metres_per_cell": 150, "seconds_per_step": 10}):
+            demo.main([search_file(tmp_path, reason="A swimmer is missing.", scale=scale)])
+        assert {frame.scale for frame in shown} == {None, Scale(150, 10)}
+        assert heights[1] > heights[0]
 
     def test_the_next_seed_is_that_of_the_option(self, capsys, monkeypatch):
         def script(player: Player) -> Iterator[str]:

@@ -14,6 +14,7 @@ import pytest
 from helpers import make_frame, refusal
 from numpy.typing import NDArray
 
+from DroneSwarmSearch import Scale
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, Video, evaluate, record, recording
 from DroneSwarmSearch.evaluation.recording import play
@@ -102,6 +103,19 @@ class TestVideo:
             assert video.n_frames > 8
             assert video.width == recording.GIF_WIDTH
         assert list(tmp_path.iterdir()) == [path]
+
+    @pytest.mark.parametrize("scale", [None, Scale(150, 10)])
+    def test_a_search_at_sea_is_shown_as_one(self, tmp_path, monkeypatch, scale):
+        made: dict[str, Any] = {}
+
+        def write(path: Path, painter: Painter, frames: Any, **timing: float) -> None:
+            made.update(painter=painter, scales={frame.scale for frame in frames})
+
+        monkeypatch.setattr(recording, "write_video", write)
+        record(Watcher(), replace(small(), scale=scale), tmp_path / "video.gif")
+        assert made["scales"] == {scale}
+        text = "For tests." if scale else ""
+        assert made["painter"].size == Painter(5, view="both", reason=text).size
 
     def test_a_video_holds_the_last_picture(self, tmp_path, monkeypatch):
         monkeypatch.setattr(recording, "HOLD", 1.0)

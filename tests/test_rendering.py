@@ -14,7 +14,7 @@ import pytest
 from helpers import make_frame, plain, whole_state
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import DroneSwarmSearch, ResetNeeded
+from DroneSwarmSearch import DroneSwarmSearch, ResetNeeded, Scale
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.labels import outcome_in_brief, percent, signed, tick_stride
@@ -77,6 +77,11 @@ class TestLabels:
         assert frame.outcome == outcome
         assert outcome_in_brief(frame) == brief
 
+    def test_an_outcome_at_sea_is_in_minutes(self):
+        frame = replace(make_frame(2, ending=Ending.FOUND), scale=Scale(100, 240))
+        assert frame.outcome == "The target was found in 12 min"
+        assert replace(frame, ending=Ending.COVERED).outcome.endswith(" in 12 min")
+
     def test_numbers(self):
         assert [percent(value) for value in (0.123456, 0.0)] == ["12.3%", "0%"]
         for value, text in (
@@ -137,6 +142,20 @@ class TestText:
         assert rows[99].endswith("P.")
         assert [int(number) for number in columns.split()] == list(range(100))
         assert columns.index("42") + 2 == 3 + 43 * width
+
+    @pytest.mark.parametrize(
+        ("seconds", "line"),
+        [
+            (240, "minute 12/40 | drift E +0.21, N +0.10 m/s"),
+            (30, "minute 1.5/5.0 | drift E +1.67, N +0.83 m/s"),
+        ],
+    )
+    def test_a_search_at_sea(self, seconds, line):
+        frame = make_frame(2)
+        rows = render_text(replace(frame, scale=Scale(100, seconds))).split("\n")
+        plain_rows = render_text(frame).split("\n")
+        assert rows == [f"{line} | persons found 0/1", *plain_rows[1:]]
+        assert len(rows[0]) <= len(plain_rows[0])
 
 
 class TestCells:
@@ -345,6 +364,58 @@ class TestPicture:
         )
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
         assert done.stdout == done.stderr == b""
+
+
+class TestAtSea:
+    """Pictures of a search with a scale."""
+
+    @staticmethod
+    def labels(picture: Picture) -> tuple[list[float], list[float]]:
+        """The middles of the numbers at the top and at the left, in cells from the corner."""
+        side = len(picture.map)
+        top = picture.whole[HEAD + TOP - 22 : HEAD + TOP - 6, LEFT - 16 : LEFT + side]
+        left = picture.whole[HEAD + TOP - 6 : HEAD + TOP + side, LEFT - 40 : LEFT - 4]
+        found = []
+        for strip, axis, start in ((top, 0, -16), (left, 1, -6)):
+            inked = np.flatnonzero((strip < 200).all(axis=2).any(axis=axis)) + start
+            groups = np.split(inked, np.flatnonzero(np.diff(inked) > 8) + 1)
+            found.append([(group[0] + group[-1]) / 2 * 20 / side for group in groups])
+        return found[0], found[1]
+
+    def test_coordinates_are_kilometres_from_the_corner(self):
+        frame = make_frame(20)
+        for across in self.labels(Picture(frame)):  # the middles of the cells, without a scale
+            assert across == pytest.approx([cell + 0.5 for cell in range(20)], abs=0.15)
+        for metres, apart in ((500, 2), (100, 2), (300, 5 / 3), (1000, 2)):
+            for along in self.labels(Picture(replace(frame, scale=Scale(metres, 10)))):
+                expected = np.arange(0, 20, apart)
+                assert along == pytest.approx(expected[: len(along)], abs=0.15), metres
+                assert len(along) == len(expected)
+
+    def test_only_margins_and_panel_change(self):
+        frame = make_frame(20)
+        before, after = Picture(frame), Picture(replace(frame, scale=Scale(500, 60)))
+        assert not differs(before.map, after.map).any()
+        assert not differs(before.head, after.head).any()
+        north = np.s_[HEAD + TOP : HEAD + TOP + 30, LEFT + len(after.map) + 6 : -260]
+        assert not (before.whole[north] < 100).any() and (after.whole[north] < 100).any()
+        changed = differs(before.panel, after.panel).any(axis=1)
+        drift = slice(HEAD + TOP + 92 + 68, HEAD + TOP + 92 + 68 + 112)
+        assert changed[HEAD + TOP : HEAD + TOP + 50].any() and changed[drift].any()
+        assert not changed[drift.stop :].any()
+
+    @pytest.mark.parametrize("view", ["matrix", "both"])
+    def test_the_reason_is_below_the_map(self, view):
+        frame = make_frame(7)
+        bare = Painter(7, view=view).pixels(frame)
+        height = 0
+        for reason in ("A raft.", "A raft drifts in a gale, and three drones search for it. " * 4):
+            picture = Painter(7, view=view, reason=reason).pixels(frame)
+            assert (picture[: len(bare)] == bare).all()
+            text = differs(picture[len(bare) :].astype(int), picture[-1, -1].astype(int), 60)
+            assert text.any() and not text[:, :LEFT].any() and not text[:, -20:].any()
+            assert len(picture) > max(height, len(bare))
+            height = len(picture)
 
 
 class TestLargeGrids:

@@ -312,9 +312,12 @@ def test_a_search_is_played(browser, address, site, served):
     assert player.state("playing") == "yes" and not player.one(".big").is_displayed()
     player.wait(lambda: player.state("playing") == "no")
     end = player.step
-    assert player.text(".outcome") == f"Found in {end} steps"
-    assert f"Step {end} of 180" in player.text(".step")
+    minutes = f"{end // 6}:{end % 6}0"  # a step takes 10 seconds
+    assert player.text(".outcome") == f"Found in {minutes} min"
+    assert player.text(".step") == f"{minutes} of 30:00 min, step {end}"
+    assert player.text(".incident").startswith("A passenger is missing from a ferry")
     assert float(player.text("[data-show=success]").rstrip("%")) > 5
+    player.choose("speed", 2)  # to click before the end
     player.one(".toggle").click()  # once more, from the start
     player.wait(lambda: 0 < player.step < end)
     player.one(".map").click()
@@ -454,24 +457,37 @@ def test_the_map_does_not_move_during_an_episode(browser, address):
 
 
 def test_a_file_of_the_export_is_played(browser, address, tmp_path):
-    from DroneSwarmSearch import Scenario
+    from DroneSwarmSearch import Scale, Scenario
     from DroneSwarmSearch.evaluation import NamedSearch, export
 
-    path, wrong = tmp_path / "mine.json", tmp_path / "wrong.json"
+    path, wrong, sea = (tmp_path / name for name in ("mine.json", "wrong.json", "sea.json"))
     puddle = Scenario(5, person_initial_position=(2, 2), vector=(0, 0), timestep_limit=20)
     export(["parallel-sweep"], NamedSearch("puddle", "Mine.", puddle), path, seeds=[4])
+    lake = NamedSearch("lake", "A lake.", puddle, scale=Scale(20, 6))
+    export(["parallel-sweep"], lake, sea, seeds=[4])
     wrong.write_text('{"format": "another"}', "utf-8")
     player = Player(browser, f"{address}/play.html")
     player.one("input[type=file]").send_keys(str(path))
     player.wait(lambda: player.state("search") == "file mine.json")
-    assert player.text(".reason").startswith("Mine. 5 x 5 cells; 1 drone")
+    assert player.text(".incident") == "Mine."
+    assert player.text(".reason").startswith("5 x 5 cells; 1 drone")
+    assert player.text(".step") == "Step 0 of 20"
+    pictures = [player.drawn(canvas)[2] for canvas in (".map", ".curve")]
     assert player.one("[name=policy]").get_attribute("value") == "parallel-sweep"
     player.scrub(1000)
     player.wait(lambda: "ound in" in player.text(".outcome"))
+    player.one("input[type=file]").send_keys(str(sea))
+    player.wait(lambda: player.state("search") == "file sea.json")
+    player.wait(lambda: player.text(".step") == "0:00 of 2:00 min, step 0")
+    for canvas, picture in zip((".map", ".curve"), pictures, strict=True):
+        assert player.drawn(canvas)[2] != picture, "a scale bar and north; minutes"
     player.one("input[type=file]").send_keys(str(wrong))
     player.wait(lambda: "not written by the command" in player.text(".outcome"))
+    player.scrub(3)  # and the message stays
+    player.reach(3)
+    assert "not written by the command" in player.text(".outcome")
     player.choose("search", "harbour")
-    player.wait(lambda: player.state("search") == "harbour")
+    player.wait(lambda: player.state("search") == "harbour" and not player.text(".outcome"))
     assert console_messages(browser) == []
 
 

@@ -81,14 +81,15 @@ def record(
     first = checks.integer("seed", seed, 0)
     made = spec.make(where.scenario)
     title = f"{spec.name} searching {where.name}, seed {seed}"
-    painter = Painter(where.scenario.grid_size, Look(grid=True), view="both")
+    reason = where.reason if where.scale else ""
+    painter = Painter(where.scenario.grid_size, Look(grid=True), view="both", reason=reason)
     last: list[Frame] = []
 
     def frames() -> Iterator[Frame]:
         for frame, _ in play(made, where, first):
             last[:] = [frame]
             bar(frame.step)
-            yield replace(frame, policy=title)
+            yield replace(frame, policy=title, scale=where.scale)
 
     with Progress(f"video of {title}", where.scenario.timestep_limit) as bar:
         write_video(target, painter, frames(), fps=rate, hold=HOLD, gif_width=GIF_WIDTH)

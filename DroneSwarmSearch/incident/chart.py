@@ -94,13 +94,13 @@ def draw(plan: FlightPlan) -> Figure:
         colour, dashes = f"C{drone}", (0, DASHES[drone % len(DASHES)])
         first = [each.searching for each in plan.flights[drone]].index(True)
         axes.plot(*track[: first + 1].T, color=colour, linewidth=0.7)
-        axes.plot(*track[first:].T, color=colour, linestyle=dashes, label=f"drone {drone + 1}")
+        axes.plot(*track[first:].T, color=colour, linestyle=dashes, label=f"drone {drone}")
         for time in np.arange(minutes[0] + gap, minutes[-1], gap):
             tail, tip = _between(track, minutes, [time - gap / 20, time + gap / 20])
             axes.annotate("", tip, tail, arrowprops=HEAD | {"color": colour})
         look: Any = {"color": colour, "zorder": 8, "clip_on": True, **CENTRED}
         circle = {"boxstyle": "circle", "facecolor": "white", "edgecolor": colour}
-        axes.text(*track[first], f"{drone + 1}", bbox=circle, **look)
+        axes.text(*track[first], f"{drone}", bbox=circle, **look)
         marked.append(track[first])
         times = np.arange(np.ceil(minutes[0] / step), minutes[-1] / step) * step
         for time, at in zip(times, _between(track, minutes, times), strict=True):

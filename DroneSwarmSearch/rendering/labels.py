@@ -18,6 +18,14 @@ def outcome_in_brief(frame: Frame) -> str:
     return f"{frame.ending.description} in step {frame.step}"
 
 
+def drift(frame: Frame) -> tuple[str, list[tuple[str, str]]]:
+    """The mean drift: its unit, and each component's name and value; with a scale, at sea."""
+    unit, names, values = "cells/step", "xy", frame.vector
+    if frame.scale is not None:
+        unit, names, values = "m/s", "EN", frame.scale.velocity(values)
+    return unit, [(name, signed(value)) for name, value in zip(names, values, strict=True)]
+
+
 def percent(probability: float) -> str:
     """A probability as a percentage with three significant digits, such as "4.17%"."""
     return f"{100 * probability:.3g}%"
@@ -33,7 +41,7 @@ def signed(value: float) -> str:
 
 
 def tick_stride(room: float, pitch: float) -> int:
-    """The smallest of 1, 2, 5, 10, 20, 50, ... cells, of length `pitch`, that have the room."""
+    """The smallest of 1, 2, 5, 10, 20, 50, ... units, of length `pitch`, that have the room."""
     power = 1
     while True:
         for stride in (power, 2 * power, 5 * power):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import replace
 
 import numpy as np
@@ -28,13 +29,16 @@ SIDES = {"matrix": 720, "both": 660}
 GAP = 6  # between the map's margin and the panel, in pixels
 HEAD = 52  # the height of the headline
 TITLE_FONT, CAPTION_FONT, OUTCOME_FONT = 32, 24, 38
+REASON_LINE, REASON_LETTER = 26, 9  # its height, and about the width of a letter
 CAPTIONS = "prior: the drift alone", "posterior: given the searches"
 
 
 class Painter:
-    """Draws frames of one grid size in a view of `SIDES`, without a display; `size` is even."""
+    """Draws frames in a view of `SIDES` above a `reason`, without a display; `size` is even."""
 
-    def __init__(self, grid_size: int, look: Look | None = None, *, view: str = "matrix") -> None:
+    def __init__(
+        self, grid_size: int, look: Look | None = None, *, view: str = "matrix", reason: str = ""
+    ) -> None:
         self._look = look or Look()
         self._map = SearchMap(grid_size, self._look, side=SIDES[view])
         width, height = self._map.size
@@ -42,8 +46,10 @@ class Painter:
         self._map_areas = [pygame.Rect(left, HEAD, width, height) for left in lefts]
         right = self._map_areas[-1].right
         self._panel_area = pygame.Rect((right + GAP, HEAD + TOP), panel_size(self._map.side))
-        height = max(self._panel_area.bottom + BOTTOM, HEAD + height)
+        self._reason_top = max(self._panel_area.bottom + BOTTOM, HEAD + height)
         width = self._panel_area.right + RIGHT
+        self._reason = textwrap.wrap(reason, (width - LEFT - RIGHT) // REASON_LETTER)
+        height = self._reason_top + REASON_LINE * len(self._reason)
         self.size = width + width % 2, height + height % 2
 
     def paint(
@@ -66,6 +72,9 @@ class Painter:
             self._map.draw(canvas.subsurface(area), each, towards or frame, progress)
         panel = canvas.subsurface(self._panel_area)
         draw_panel(panel, frame, self._look, self._map.symbol)
+        for number, text in enumerate(self._reason):
+            top = self._reason_top + REASON_LINE * number
+            write(canvas, text, CAPTION_FONT, INK, topleft=(LEFT, top))
         return canvas
 
     def pixels(

@@ -9,7 +9,7 @@ import pygame
 
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering import sprites
-from DroneSwarmSearch.rendering.labels import signed
+from DroneSwarmSearch.rendering.labels import drift
 from DroneSwarmSearch.rendering.palette import (
     FAINT,
     GREY,
@@ -45,11 +45,15 @@ def panel_size(least_height: int) -> tuple[int, int]:
 def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look, symbol: int) -> None:
     """Draw all sections on a surface of `panel_size`; `symbol` is the size of those on the map."""
     symbol = min(max(symbol, SYMBOL_LEAST), SYMBOL_MOST)
-    write(canvas, "STEP", HEADING, GREY, topleft=(0, 0))
-    _write_ratio(canvas, frame.step, frame.timestep_limit, 18, LARGE)
+    unit, so_far, limit = frame.progress
+    write(canvas, unit.upper(), HEADING, GREY, topleft=(0, 0))
+    if frame.scale is not None:
+        steps = f"STEP {frame.step} OF {frame.timestep_limit}"
+        write(canvas, steps, HEADING, GREY, topright=(WIDTH, 0))
+    _write_ratio(canvas, so_far, limit, 18, LARGE)
     _draw_progress(canvas, min(1.0, frame.step / frame.timestep_limit), 54)
     top = _draw_results(canvas, frame)
-    _draw_drift(canvas, frame.vector, top)
+    _draw_drift(canvas, frame, top)
     top += DRIFT_HEIGHT
     _draw_scale(canvas, look, float(frame.matrix.max()), top)
     top += SCALE_HEIGHT
@@ -130,7 +134,7 @@ def _draw_results(canvas: pygame.Surface, frame: Frame) -> int:
     success, top, bottom = frame.probability_of_success, RESULTS_TOP, RESULTS_TOP + RESULTS_HEIGHT
     if frame.persons:
         _heading(canvas, "PERSONS FOUND", top)
-        _write_ratio(canvas, sum(frame.found), len(frame.persons), top + 18, LARGE - 8)
+        _write_ratio(canvas, str(sum(frame.found)), str(len(frame.persons)), top + 18, LARGE - 8)
         finders = sorted({drone for drone in frame.found_by if drone is not None})
         if finders:
             names = ", ".join(map(str, finders[:FINDERS_NAMED]))
@@ -152,13 +156,14 @@ def _draw_results(canvas: pygame.Surface, frame: Frame) -> int:
     return bottom
 
 
-def _draw_drift(canvas: pygame.Surface, vector: tuple[float, float], top: int) -> None:
-    _heading(canvas, "DRIFT, CELLS PER STEP", top)
-    canvas.blit(sprites.compass(COMPASS, vector), (0, top + 22))
+def _draw_drift(canvas: pygame.Surface, frame: Frame, top: int) -> None:
+    unit, components = drift(frame)
+    _heading(canvas, f"DRIFT, {unit if frame.scale else 'CELLS PER STEP'}", top)
+    canvas.blit(sprites.compass(COMPASS, frame.vector), (0, top + 22))
     left, middle = COMPASS + 22, top + 22 + COMPASS // 2
-    for name, value, row in (("x", vector[0], middle - 13), ("y", vector[1], middle + 13)):
+    for (name, value), row in zip(components, (middle - 13, middle + 13), strict=True):
         write(canvas, name, BODY, GREY, midleft=(left, row))
-        write(canvas, _minus(signed(value)), BODY + 4, INK, midleft=(left + 22, row))
+        write(canvas, _minus(value), BODY + 4, INK, midleft=(left + 22, row))
 
 
 def _draw_hypotheses(canvas: pygame.Surface, frame: Frame, rows: int, top: int) -> None:
@@ -218,9 +223,9 @@ def _write_pair(canvas: pygame.Surface, name: str, value: str, top: int) -> None
     write(canvas, value, BODY, INK, topright=(WIDTH, top - 2))
 
 
-def _write_ratio(canvas: pygame.Surface, part: int, whole: int, top: int, size: int) -> None:
+def _write_ratio(canvas: pygame.Surface, part: str, whole: str, top: int, size: int) -> None:
     """A large number, and on the same base line a small "of" with the total."""
-    figure = write(canvas, f"{part}", size, INK, topleft=(0, top))
+    figure = write(canvas, part, size, INK, topleft=(0, top))
     # The base line of this font is at 0.8 of the line's height.
     base = top + 0.8 * figure.height
     rest = text_line(f"of {whole}", BODY, GREY)

@@ -20,15 +20,16 @@ LONGEST_PAUSE = 0.1
 
 ALIASES = {"enter": "return", "[+]": "+", "[-]": "-", "[.]": "."}  # the keypad's names of keys
 
-FONT, LINE, STRIP = 20, 30, 70
-"""The size of the text, and the heights of a line with its margins and of the strip."""
+FONT, LINE, STRIP = 20, 30, 70  # of the text; the heights of a line with its margins, of the strip
 
 
 class PlayerWindow(Window):
     """Shows a player, and passes it keys and time."""
 
-    def __init__(self, grid_size: int, look: Look) -> None:
-        self._painters = {view: Painter(grid_size, look, view=view) for view in SIDES}
+    def __init__(self, grid_size: int, look: Look, reason: str) -> None:
+        self._painters = {
+            view: Painter(grid_size, look, view=view, reason=reason) for view in SIDES
+        }
         super().__init__(self._usual_size("matrix"))
 
     def _usual_size(self, view: str) -> tuple[int, int]:

@@ -13,6 +13,7 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.frame import HISTORY_STEPS, TRAIL_STEPS, Frame
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering.labels import tick_stride
@@ -37,7 +38,8 @@ WHOLE_MOST = 48  # of grids with more cells along a side than this, only a part 
 # around what it must show: all cells with at least a share of the maximum of the matrix.
 PART_LEAST, PART_STEP, PART_MARGIN, PART_FROM = 40, 10, 3, 0.02
 OVERVIEW_SHARE, OVERVIEW_INSET = 0.2, 10  # its side as a share of the map's; from the corner
-TICK_ROOM, TICK_FONT = 26, 18
+TICK_ROOM, KILOMETRE_ROOM, TICK_FONT = 26, 44, 18
+NORTH = 14  # the side of the arrow to the north
 LINES_APART = 12  # of closer lines, only every second, fifth, ... is drawn
 OPAQUE_FROM, GRID_OPACITY = 16, 0.45  # closer lines are fainter than this opacity
 SYMBOL_SHARE, SEARCHING_SHARE = 0.92, 0.76  # of its room: a symbol, a drone inside a search ring
@@ -86,7 +88,7 @@ class SearchMap:
         (part,) = _on_the_way([self._part(frame)], [self._part(end)], progress)
         self._left, self._top, self._cells = part
         self._pitch = self.side / self._cells
-        self._draw_coordinates()
+        self._draw_coordinates(frame.scale)
         canvas.set_clip((LEFT, TOP, self.side, self.side))
         self._draw_cells(frame.matrix)
         if self._look.grid:
@@ -140,20 +142,29 @@ class SearchMap:
         place = (LEFT - width, TOP - width, outer, outer)
         pygame.draw.rect(self._canvas, colour, place, width=width)
 
-    def _draw_coordinates(self) -> None:
-        canvas, side = self._canvas, self.side
+    def _draw_coordinates(self, scale: Scale | None) -> None:
+        """The numbers of cells; with a scale, kilometres from the grid's corner, and north."""
+        canvas, right = self._canvas, LEFT + self.side
         self._draw_border(INK, 1)
-        stride = tick_stride(TICK_ROOM, self._pitch)
+        # Labels count cells from the middle of the first one, or metres from its edge.
+        per_cell, origin, room, thousand = 1.0, 0.5, TICK_ROOM, 1
+        if scale is None:
+            write(canvas, "x", TICK_FONT, INK, topleft=(right + 8, TOP - 20))
+            write(canvas, "y", TICK_FONT, INK, topleft=(LEFT - 16, TOP + self.side + 5))
+        else:
+            per_cell, origin, room, thousand = scale.metres_per_cell, 0.0, KILOMETRE_ROOM, 1000
+            write(canvas, "km", TICK_FONT, INK, bottomright=(LEFT - 20, TOP - 7))
+            canvas.blit(sprites.north(NORTH), (right + 7, TOP))
+            write(canvas, "N", TICK_FONT, INK, midtop=(right + 7 + NORTH // 2, TOP + NORTH + 2))
+        stride = tick_stride(room, self._pitch / per_cell)
         for axis, low in enumerate((self._left, self._top)):
-            first = math.ceil(low / stride) * stride
-            for cell in range(first, math.ceil(low + self._cells - 0.5), stride):
-                across, down = map(round, self._centre(cell, cell))
-                anchor = (
-                    {"midright": (LEFT - 8, down)} if axis else {"midbottom": (across, TOP - 7)}
-                )
-                write(canvas, f"{cell}", TICK_FONT, GREY, **anchor)
-        write(canvas, "x", TICK_FONT, INK, topleft=(LEFT + side + 8, TOP - 20))
-        write(canvas, "y", TICK_FONT, INK, topleft=(LEFT - 16, TOP + side + 5))
+            first = math.ceil(low * per_cell / stride) * stride
+            end = math.ceil((low + self._cells - origin) * per_cell)
+            for number in range(first, end, stride):
+                place = origin + number / per_cell
+                across, down = map(round, self._at(place, place))
+                at = {"midright": (LEFT - 8, down)} if axis else {"midbottom": (across, TOP - 7)}
+                write(canvas, f"{number / thousand:g}", TICK_FONT, GREY, **at)
 
     def _colours(self, matrix: NDArray[np.float32]) -> pygame.Surface:
         colours = self._look.colours(matrix)

@@ -211,6 +211,14 @@ def collision(size: int) -> pygame.Surface:
     return pen.finish()
 
 
+@lru_cache(maxsize=1)
+def north(size: int) -> pygame.Surface:
+    """The arrow that points to the north, which is up."""
+    pen = _Pen(size, INK)
+    pen.polygon([(0, -1), (0.75, 1), (0, 0.5), (-0.75, 1)], INK)
+    return pen.finish()
+
+
 @lru_cache(maxsize=64)
 def compass(size: int, vector: tuple[float, float]) -> pygame.Surface:
     """The drift as an arrow in a circle: longer for faster, up to a cell per step."""

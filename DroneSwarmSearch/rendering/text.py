@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.rendering.labels import percent, signed, tick_stride
+from DroneSwarmSearch.rendering.labels import drift, percent, tick_stride
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
 # From probability 0 to the matrix's maximum; differs from the marks, to be readable behind them.
@@ -76,12 +76,9 @@ def print_frames(frames: Iterable[Frame], fps: float) -> None:
 
 
 def _header(frame: Frame) -> list[str]:
-    """Step, drift and results so far; hypotheses; at the end of an episode, its outcome."""
-    x, y = frame.vector
-    status = [
-        f"step {frame.step}/{frame.timestep_limit}",
-        f"drift x {signed(x)}, y {signed(y)} cells/step",
-    ]
+    """Time, drift and results so far; hypotheses; at the end of an episode, its outcome."""
+    (time, so_far, limit), (unit, components) = frame.progress, drift(frame)
+    status = [f"{time} {so_far}/{limit}", f"drift {', '.join(map(' '.join, components))} {unit}"]
     if frame.persons:
         status.append(f"persons found {sum(frame.found)}/{len(frame.persons)}")
     if frame.probability_of_success is not None:

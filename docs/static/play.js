@@ -110,6 +110,7 @@ root.insertAdjacentHTML("beforeend", `
     <label class="check"><input type="checkbox" data-pick="person"> Show the person</label>
     <label class="open"><input type="file" accept=".json" aria-label="Open a file written by the command export">Open a file</label>
   </div>
+  <p class="incident"></p>
   <div class="maps"><canvas class="map" role="img"></canvas><button type="button" class="big" data-do="play" aria-label="Play">${icon("play")}</button></div>
   <div class="transport">
     <input type="range" min="0" value="0" step="1" aria-label="Step">
@@ -136,7 +137,7 @@ const find = selector => root.querySelector(selector);
 const layout = find(".layout"), mapCanvas = find(".map"), curveCanvas = find(".curve"), slider = find("input[type=range]");
 const shown = {view: "posterior", person: true, speed: 8, pointed: null};
 let search = null, episode = null, seed = null, policy = null;
-let time = 0, playing = false, goal = null, last = 0, wanted = 0, ticking = false;
+let time = 0, playing = false, goal = null, last = 0, wanted = 0, ticking = false, problem = "";
 
 const fill = (select, values, label) =>
   select.replaceChildren(...values.map(value => new Option(label(value), value)));
@@ -151,8 +152,9 @@ async function open(name, changes = {}) {
   try {
     next = await load(name);
   } catch (error) {
-    find(".outcome").textContent = `Error: ${error.message}`;
-    return;
+    problem = `Error: ${error.message}`;  // until another episode is chosen
+    write(find(".outcome"), problem);
+    return redraw();
   }
   if (turn !== wanted) return;  // another search was chosen meanwhile
   search = next;
@@ -166,12 +168,14 @@ async function open(name, changes = {}) {
     label.querySelector("input").value = search.policies[number];
     label.querySelector("span").textContent = INDEX.policies[search.policies[number]] ?? search.policies[number];
   });
-  find(".reason").textContent = `${search.reason} ${search.outline}.`;
+  find(".incident").textContent = search.reason;
+  find(".reason").textContent = `${search.outline}.`;
   choose({policy, seed, ...changes});
 }
 
 function choose(changes) {
   const before = episode, ended = before && hasEnded();
+  problem = "";
   seed = search.seeds.includes(Number(changes.seed)) ? Number(changes.seed) : search.seeds[0];
   policy = search.policies.includes(changes.policy) ? changes.policy : search.policies[0];
   episode = episodeOf(policy);
@@ -304,6 +308,7 @@ function drawMap(context, view, at, left, cell, scale) {
   context.translate(left, 0);
   context.imageSmoothingEnabled = false;
   context.drawImage(sheet, crop.x, crop.y, crop.side, crop.side, 0, 0, side, side);
+  if (search.metres_per_cell) drawBearings(context, side, cell, scale);
   context.strokeStyle = theme.line;
   context.lineWidth = scale;
   context.strokeRect(scale / 2, scale / 2, side - scale, side - scale);
@@ -319,8 +324,33 @@ function drawMap(context, view, at, left, cell, scale) {
   context.restore();
 }
 
+// A scale bar of at most a third of the map, and the direction of north, on halos.
+function drawBearings(context, side, cell, scale) {
+  const width = side / scale, metresPerPixel = search.metres_per_cell * scale / cell, longest = width / 3 * metresPerPixel;
+  const power = 10 ** Math.floor(Math.log10(longest)), metres = power * [5, 2, 1].find(factor => factor * power <= longest);
+  const bar = new Path2D(`M10 ${width - 15}v5h${metres / metresPerPixel}v-5`), arrow = new Path2D(`M${width - 16} 8l6 15l-6 -4l-6 4z`);
+  const labels = [[metres < 1000 ? `${metres} m` : `${metres / 1000} km`, 10, width - 19, "left"], ["N", width - 16, 36, "center"]];
+  context.save();
+  context.scale(scale, scale);
+  context.font = `600 12px ${theme.font}`;
+  context.lineJoin = "round";
+  for (const halo of [true, false]) {
+    context.strokeStyle = context.fillStyle = halo ? rgb(theme.ramp[0], 0.8) : theme.ink;
+    context.lineWidth = halo ? 5 : 2;
+    context.stroke(bar);
+    if (halo) context.stroke(arrow);
+    else context.fill(arrow);
+    for (const [text, x, y, align] of labels) {
+      context.textAlign = align;
+      if (halo) context.strokeText(text, x, y);
+      else context.fillText(text, x, y);
+    }
+  }
+  context.restore();
+}
+
 function drawLegend(context, view, most, side, scale) {
-  const top = side + 9 * scale, height = 11 * scale, width = 84 * scale;
+  const top = side + 9 * scale, height = 11 * scale, width = Math.min(84 * scale, side - 130 * scale);
   context.font = `600 ${13 * scale}px ${theme.font}`;
   context.textBaseline = "middle";
   context.fillStyle = theme.ink;
@@ -470,8 +500,9 @@ function drawCurves(at) {
     context.fillText(`${Math.round(100 * share)}%`, left - 6 * scale, y(share));
   }
   context.textAlign = "center";
-  const stride = limit > 120 ? 50 : limit > 60 ? 25 : 10;
-  for (let now = 0; now <= limit; now += stride) context.fillText(now, x(now), height - 8 * scale);
+  const isTimed = search.seconds_per_step !== null, unit = isTimed ? 60 / search.seconds_per_step : 1, units = limit / unit;  // a minute or a step
+  const stride = (isTimed ? [1, 2, 5, 10, 20, 30, 60, 120] : [10, 25, 50, 100, 250, 500]).find(each => units / each <= 6) ?? units;
+  for (let now = 0; now <= units; now += stride) context.fillText(isTimed && !now ? "0 min" : now, x(now * unit), height - 8 * scale);
   const order = [...others.keys()].sort((a, b) => (others[a] === episode) - (others[b] === episode));
   for (const number of order) {
     const each = others[number], isThis = each === episode, until = at >= episode.steps ? each.steps : Math.min(at, each.steps);
@@ -498,7 +529,7 @@ function drawCurves(at) {
 // Words and figures.
 
 function result(each) {
-  const found = each.people.filter(person => person.found_by !== null).length, steps = `${each.steps} steps`;
+  const found = each.people.filter(person => person.found_by !== null).length, steps = duration(each.steps);
   if (each.ending === "found") return each.total > 1 ? `All ${each.total} persons found in ${steps}` : `Found in ${steps}`;
   if (each.ending === "covered") return `Covered in ${steps}`;
   if (each.ending === "collision") return `Drones collided in step ${each.steps}`;
@@ -511,6 +542,8 @@ function clock(now) {
   return `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
 }
 
+const duration = steps => search.seconds_per_step ? `${clock(steps)} min` : `${steps} steps`;
+
 const write = (element, text) => { if (element.textContent !== text) element.textContent = text; };
 
 function report(at, now) {
@@ -518,23 +551,23 @@ function report(at, now) {
   root.dataset.step = now;
   slider.value = now;
   slider.setAttribute("aria-valuetext", `step ${now} of ${episode.steps}`);
-  const minutes = search.seconds_per_step ? `, ${clock(now)} min` : "";
-  write(find(".step"), `Step ${now} of ${search.timestep_limit}${minutes}`);
+  const minutes = search.seconds_per_step ? `${clock(now)} of ${duration(search.timestep_limit)}, step ${now}` : "";
+  write(find(".step"), minutes || `Step ${now} of ${search.timestep_limit}`);
   write(find("[data-show=success]"), percent(episode.success[now]));
   const searches = episode.actions.reduce((sum, actions) => sum + actions.slice(0, now).split(String(SEARCH)).length - 1, 0);
   write(find("[data-show=searches]"), String(searches));
   write(find("[data-show=return]"), Math.round(episode.returns[now]).toLocaleString("en").replace("-", "\u2212"));
   const finds = episode.people.filter(person => person.found_by !== null && now >= person.path.length - 1).length;
   const outcome = find(".outcome");
-  write(outcome, ended ? result(episode) : finds ? `${finds} of ${episode.total} persons found` : "");
-  outcome.className = `outcome ${ended ? (isFound(episode) ? "found" : "failed") : finds ? "found" : ""}`;
+  write(outcome, problem || (ended ? result(episode) : finds ? `${finds} of ${episode.total} persons found` : ""));
+  outcome.className = `outcome ${problem ? "failed" : ended ? (isFound(episode) ? "found" : "failed") : finds ? "found" : ""}`;
   find(".policies").querySelectorAll("b").forEach((label, number) => {
     const each = episodeOf(search.policies[number]);
-    write(label, ended || at >= each.steps ? (isFound(each) ? `${each.steps} steps` : "not found") : "");
+    write(label, ended || at >= each.steps ? (isFound(each) ? duration(each.steps) : "not found") : "");
   });
   const state = `step ${now} of ${search.name} with ${policy}, seed ${seed}; probability of success ${percent(episode.success[now])}`;
   mapCanvas.setAttribute("aria-label", `Map, ${VIEWS[shown.view].toLowerCase()}: ${state}`);
-  curveCanvas.setAttribute("aria-label", `Probability of success by step: ${state}`);
+  curveCanvas.setAttribute("aria-label", `Probability of success over time: ${state}`);
   const name = playing ? "Pause" : ended ? "Play again" : "Play", toggle = find(".toggle");
   if (toggle.getAttribute("aria-label") !== name) {
     toggle.setAttribute("aria-label", name);
