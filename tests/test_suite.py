@@ -106,15 +106,9 @@ def test_an_outline_has_the_main_parameters():
     assert "; 4 drones; 1 person from 30,000 tracks; probability" in search("eddy").outline
 
 
-def test_an_unknown_name_suggests_similar_names():
-    with pytest.raises(
-        ValueError, match=r"pond, .*got 'harbor'; did you mean harbour.*evaluate --list"
-    ):
+def test_an_unknown_name_is_refused():
+    with pytest.raises(ValueError, match=r"pond, .*got 'harbor' .*evaluate --list"):
         search("harbor")
-    with pytest.raises(ValueError, match="got 'Classic'; did you mean classic"):
-        search("Classic")
-    with pytest.raises(ValueError, match="got 'xyzzy' "):
-        search("xyzzy")
 
 
 def test_a_scenario_becomes_a_named_search():
