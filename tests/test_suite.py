@@ -62,7 +62,7 @@ def test_every_search_can_be_played_and_has_a_reason(name):
     assert not each.scenario.bayesian_update
     batch = SearchBatch(2, **each.parameters)
     batch.reset([0, 1])
-    assert batch.scenario == each.scenario
+    assert batch.scenario_of(0) == each.scenario
     assert [tuple(cell) for cell in batch.positions[0].tolist()] == list(each.drones)
 
 
