@@ -16,9 +16,6 @@ from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.tables import dispersion_rate
 from DroneSwarmSearch.rules import RewardScheme
 
-__all__ = ["Cell", "Scenario"]
-
-
 Cell = tuple[int, int]
 """(x, y): column and row; y grows downward."""
 

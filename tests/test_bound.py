@@ -106,14 +106,6 @@ class TestSuccessBound:
         assert one.by_time.tobytes() == two.by_time.tobytes()
         assert (one.relaxed, one.gap) == (two.relaxed, two.gap)
 
-    def test_reports_progress(self) -> None:
-        reported: list[float] = []
-        of = self.search(person_initial_position=[(2, 3), (0, 0)], timestep_limit=4)
-        success_bound(of.scenario, of.drones, horizons=4, gap=0.1, memory=2, report=reported.append)
-        assert len(reported) >= 8
-        assert reported == sorted(reported)
-        assert reported[-1] == 1.0
-
 
 SAMPLED = search(
     [(0, 0), (8, 4)], grid_size=9, person_initial_position=(4, 4), vector=(0.1, -0.1),

@@ -150,13 +150,11 @@ class TestErrors:
             export(["random"], "pond", tmp_path / "storm.json", **changed)
         assert not list(tmp_path.iterdir())
 
-    @pytest.mark.parametrize("below", ["file/a.json", "folder.json"])
-    def test_a_path_that_cannot_be_written_is_refused_before_the_search(self, tmp_path, below):
+    def test_a_path_that_cannot_be_written_is_refused_before_the_search(self, tmp_path):
         (tmp_path / "file").touch()
-        (tmp_path / "folder.json").mkdir()
         searches: list[Any] = []
-        with pytest.raises(OSError, match=below):
-            export([searches.append], storm(), tmp_path / below)
+        with pytest.raises(OSError, match=r"file/a\.json"):
+            export([searches.append], storm(), tmp_path / "file" / "a.json")
         assert not searches
 
     def test_an_existing_file_is_kept_if_a_policy_fails(self, tmp_path):

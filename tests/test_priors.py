@@ -85,6 +85,8 @@ def test_huge_and_tiny_polygons():
         np.testing.assert_allclose(
             priors.polygon(7, everywhere), np.full((7, 7), 1 / 49), atol=1e-9
         )
+    narrow = priors.polygon(7, [(0, 2.999), (6, 2.999), (6, 3.01), (0, 3.01)])  # without a warning
+    np.testing.assert_allclose(narrow[3], [1 / 12, *[1 / 6] * 5, 1 / 12])
     tiny = priors.polygon(7, [(2, 3), (2.05, 3), (2, 3.05)])
     assert tiny[3, 2] == 1 and np.count_nonzero(tiny) == 1
 

@@ -28,15 +28,17 @@ UNCERTAINTIES: list[dict] = [
 ]
 
 
-def displacement(rates: float | tuple[float, ...], tau: int) -> float:
-    if not isinstance(rates, tuple):
-        return rates * tau
+def displacement(rates: np.ndarray, tau: int) -> float:
     return math.fsum(rates[min(step, len(rates) - 1)] for step in range(tau))
 
 
 def plain_cdfs(size: int, drift: Drift, axis: int, steps: int) -> np.ndarray:
     """F_0 ... F_steps of one axis, cell by cell."""
-    start, start_sd, velocity, velocity_sd, diffusion, adrift = drift.axes[axis]
+    start, start_sd = drift.start[axis], drift.start_sd[axis]
+    velocity, velocity_sd = (
+        np.atleast_2d(rates)[:, axis] for rates in (drift.vector, drift.vector_sd)
+    )
+    diffusion, adrift = drift.diffusion, drift.adrift
     rows: list[list[float]] = []
     for t in range(steps + 1):
         tau = adrift + t

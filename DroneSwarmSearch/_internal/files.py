@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import secrets
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -40,17 +38,6 @@ def replacing(path: Path) -> Iterator[Path]:
                 str(path),
             ) from error
         raise
-
-
-def check_writable(path: Path) -> None:
-    """Raise a StorageError if `path` is a folder, or no file can be made in its folder."""
-    if path.is_dir():
-        raise StorageError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=path.parent).close()
-    except OSError as error:
-        raise StorageError(error.errno, error.strerror or str(error), str(path)) from error
 
 
 def write_bytes(path: Path, data: bytes) -> None:

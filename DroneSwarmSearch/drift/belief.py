@@ -20,14 +20,6 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal.arrays import Flags, Floats
 from DroneSwarmSearch.drift.model import DriftModel
 
-__all__ = [
-    "Belief",
-    "mean_over_missing",
-    "means_over_missing",
-    "normalise",
-    "shown_persons",
-]
-
 FloatOrArray = TypeVar("FloatOrArray", float, Floats)
 
 

@@ -26,8 +26,6 @@ from DroneSwarmSearch.drift.model import DriftModel, Forecasts
 if TYPE_CHECKING:
     from DroneSwarmSearch.drift.tracks import Tracks
 
-__all__ = ["Chain", "ChainForecasts", "fine_cells"]
-
 
 class _Step(NamedTuple):
     """The states at a step, and the transitions to the next one; states are numbers in flat mass.

@@ -19,8 +19,6 @@ from DroneSwarmSearch.drift.tables import (
     tabulate,
 )
 
-__all__ = ["ForecastTables"]
-
 
 class ForecastTables(Forecasts):
     """Forecasts of `ProbabilityMatrix`; all steps so far are tables, indexed [entry, ...]."""

@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 
-__all__ = ["DriftModel", "Forecasts", "cumulative", "forecasts_of", "over_layers"]
-
 _BLOCK_STEPS = 32
 _BLOCK_BYTES = 2**22
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,6 @@ from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.tracks import Tracks
 
-__all__ = ["MAX_DIFFUSION", "AxisDrift", "Drift", "Person"]
-
-
 MAX_DIFFUSION = 2 / 3
 """The variance of a step to one of three adjacent cells at random."""
 
@@ -27,17 +24,6 @@ _ROUNDING = 1e-12
 _SAMPLED_STEPS = 33
 
 Vector = tuple[float, float] | Floats | Mapping[int, tuple[float, float]]
-
-
-class AxisDrift(NamedTuple):
-    """The part of a `Drift` along one axis, on a grid without borders; hashable."""
-
-    start: float | None  # None for an array
-    start_sd: float
-    velocity: float | tuple[float, ...]  # or one for each step
-    velocity_sd: float | tuple[float, ...]
-    diffusion: float
-    adrift: int
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -138,22 +124,6 @@ class Drift:
         """The start if it is an array, shape (grid_size, grid_size), indexed [y, x]; or None."""
         return self.start if isinstance(self.start, np.ndarray) else None
 
-    @property
-    def starts_in_known_cell(self) -> bool:
-        """Whether the person is certainly in the cell `start` at step 0."""
-        return self.prior is None and all(_known(axis.start_sd, axis.adrift) for axis in self.axes)
-
-    @cached_property
-    def axes(self) -> tuple[AxisDrift, AxisDrift]:
-        """The values along x and along y."""
-        starts = (None, None) if isinstance(self.start, np.ndarray) else self.start
-        values = map(_along_axes, (self.start_sd, self.vector, self.vector_sd))
-        x, y = (
-            AxisDrift(start, start_sd, velocity, velocity_sd, self.diffusion, self.adrift)
-            for start, start_sd, velocity, velocity_sd in zip(starts, *values, strict=True)
-        )
-        return x, y
-
     def vector_in(self, step: int) -> tuple[float, float]:
         """The mean drift in a step of the search, (x, y)."""
         rows = np.atleast_2d(np.asarray(self.vector))
@@ -176,9 +146,8 @@ class Drift:
     @cached_property
     def key(self) -> tuple[object, ...]:
         """A hashable key of everything but the weight; equal for equal forecasts."""
-        if self.prior is not None:
-            return self.prior.tobytes(), self.axes
-        return self.axes
+        values = (getattr(self, each.name) for each in fields(self) if each.name != "weight")
+        return tuple(each.tobytes() if isinstance(each, np.ndarray) else each for each in values)
 
     def check_grid(self, grid_size: int, name: str = "drift") -> None:
         """Raise a ValueError, with this drift's name, if the start does not fit on a grid."""
@@ -190,8 +159,9 @@ class Drift:
                     f"got one of shape {self.start.shape}"
                 )
             return
-        for place, axis in enumerate(self.axes):
-            if _known(axis.start_sd, axis.adrift) and not self.start[place] <= grid_size - 1:
+        deviations: Any = self.start_sd
+        for place, deviation in enumerate(deviations):
+            if _known(deviation, self.adrift) and not self.start[place] <= grid_size - 1:
                 raise ValueError(
                     f"{name}[{place}] must be a whole number from 0 to {grid_size - 1} "
                     f"unless start_sd or adrift is positive, got start={self.start}"
@@ -461,7 +431,7 @@ def _vector(name: str, value: Any, of_one: Callable[..., tuple[float, float]]) -
         value = np.array([np.interp(every, steps, column) for column in given.T]).T
     elif checks.is_number(value) or all(map(checks.is_number, checks.items(name, value, what))):
         return of_one(name, value)
-    rows = np.array(checks.numbers(name, value, what), np.float64)
+    rows = np.array(checks.numbers(name, value, what), np.float64) + 0.0  # no -0.0
     if rows.ndim != 2 or rows.shape[1] != 2 or not np.isfinite(rows).all():
         raise ValueError(f"{name} must be {what}, got {value!r:.100}")
     changes = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
@@ -487,10 +457,4 @@ def _deviations(name: str, value: object) -> tuple[float, float]:
     if len(both) != 2:
         raise ValueError(f"{name} must be {what}, got {value!r}")
     x, y = (checks.real(name, each, 0) for each in both)
-    return x, y
-
-
-def _along_axes(value: Any) -> tuple[Any, Any]:
-    """A validated value along x and along y: numbers, or tuples with one for each step."""
-    x, y = map(tuple, value.T.tolist()) if isinstance(value, np.ndarray) else value
     return x, y

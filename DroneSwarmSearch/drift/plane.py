@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal.arrays import Floats
 
-__all__ = ["TangentPlane"]
-
 EQUATOR, ECCENTRICITY2 = 6378137.0, 0.00669437999014
 """Of the WGS 84 ellipsoid: the radius in metres, and the square of the eccentricity."""
 

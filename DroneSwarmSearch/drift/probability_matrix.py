@@ -27,8 +27,6 @@ from DroneSwarmSearch.drift.tables import (
     tabulate,
 )
 
-__all__ = ["ProbabilityMatrix"]
-
 CACHE_BYTES = 16 * 2**20
 """The largest tables that a forecast keeps; later ones are made again in each episode."""
 

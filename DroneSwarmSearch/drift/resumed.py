@@ -13,8 +13,6 @@ from DroneSwarmSearch.drift.model import DriftModel
 if TYPE_CHECKING:
     from DroneSwarmSearch.drift.persons import Person
 
-__all__ = ["Resumed"]
-
 
 class Resumed(DriftModel):
     """Another model from the step after `Person.searched` on, beginning with the posterior."""

@@ -24,8 +24,7 @@ neighbouring cells, with which the path is that of a Brownian motion, see `_exch
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from itertools import zip_longest
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -35,29 +34,12 @@ from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift.persons import Drift, Person
 
-__all__ = [
-    "Axes",
-    "Drifter",
-    "Steps",
-    "all_moves",
-    "dispersion_rate",
-    "displaced",
-    "distribution",
-    "joint_of",
-    "matrices_of",
-    "moves_of",
-    "tabulate",
-]
-
 Array = NDArray[Any]
 Number = TypeVar("Number", float, Array)
 
 _ROUNDING = 1 / 60
 """The variance per step by rounding to cells: 1/12 at each end of some ten steps, after which a
 drone may be back."""
-
-_LARGE_SD = 1e12
-"""Stands for larger standard deviations, whose squares could overflow."""
 
 _ABSENT = Drift((0, 0))
 """Stands for the hypotheses that a person has fewer than others; its weight is 0."""
@@ -73,7 +55,7 @@ def dispersion_rate(disperse_constant: Number) -> Number:
 
 
 class Axes(NamedTuple):
-    """The drift along one or more axes: the fields of `AxisDrift`, each a float64 array (A,).
+    """The drift along A axes, x and y of each hypothesis in turn: float64 arrays of shape (A,).
 
     If the drift varies along one of them, velocities have the shape (T, A), see `displaced`.
     """
@@ -86,10 +68,18 @@ class Axes(NamedTuple):
     adrift: Floats
 
     @classmethod
-    def of(cls, drifts: Iterable[Drift]) -> Axes:
-        """The axes of some hypotheses, x and y of each in turn; an array starts in cell 0."""
-        axes = [axis for drift in drifts for axis in drift.axes]
-        return cls(*map(_values, zip(*axes)))  # noqa: B905
+    def of(cls, drifts: Sequence[Drift]) -> Axes:
+        """The axes of some hypotheses; an array starts in cell 0."""
+        starts = [(0.0, 0.0) if each.prior is not None else each.start for each in drifts]
+        deviations = [each.start_sd for each in drifts]
+        constants = [(each.diffusion, each.adrift) for each in drifts]
+        return cls(
+            np.array(starts, np.float64).reshape(-1),
+            np.array(deviations, np.float64).reshape(-1),
+            _rates([each.vector for each in drifts]),
+            _rates([each.vector_sd for each in drifts]),
+            *np.repeat(np.array(constants, np.float64), 2, axis=0).T,
+        )
 
     def mean(self, grid_size: int, step: Array) -> Floats:
         """The means at a step; steps and axes broadcast."""
@@ -106,12 +96,13 @@ class Axes(NamedTuple):
         return shift
 
 
-def _values(values: Sequence[Any]) -> Floats:
-    """A field of some `AxisDrift`: an array (A,), or a table (T, A) if there are series."""
-    if tuple not in set(map(type, values)):
-        return np.array([value or 0.0 for value in values])
-    series = [value if isinstance(value, tuple) else (value,) for value in values]
-    return np.array(list(zip_longest(*series, fillvalue=np.nan)))
+def _rates(values: Sequence[Any]) -> Floats:
+    """Rates along x and y of some hypotheses: (A,), or (T, A) with NaN after the last of each."""
+    series = [np.reshape(value, (-1, 2)) for value in values]
+    table = np.full((max(map(len, series)), 2 * len(series)), np.nan)
+    for place, rates in enumerate(series):
+        table[: len(rates), 2 * place : 2 * place + 2] = rates
+    return table[0] if len(table) == 1 else table
 
 
 def displaced(rates: Floats, tau: Array) -> Floats:
@@ -142,12 +133,8 @@ def distribution(grid_size: int, axes: Axes, step: Array) -> Floats:
     in the last cell.
     """
     mean, tau = axes.mean(grid_size, step), step + axes.adrift
-    variance: Floats = axes.diffusion * tau
-    if np.any(axes.start_sd) or np.any(axes.velocity_sd):
-        start_sd, velocity_sd = (
-            np.minimum(sd, _LARGE_SD) for sd in (axes.start_sd, axes.velocity_sd)
-        )
-        variance = variance + start_sd**2 + displaced(velocity_sd, tau) ** 2
+    by_drift = displaced(axes.velocity_sd, tau)
+    variance: Floats = axes.diffusion * tau + axes.start_sd**2 + by_drift**2
     spreads = variance > 0.0
     deviation = np.sqrt(np.where(spreads, variance, 1.0))
     edges = np.arange(-0.5, grid_size).reshape(-1, *(1,) * np.broadcast(mean, deviation).ndim)

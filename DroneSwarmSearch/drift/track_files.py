@@ -12,8 +12,6 @@ from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.drift.scale import Scale
 
-__all__ = ["positions"]
-
 Pair = tuple[float, float]
 
 USUAL = {"lon": "longitude", "lat": "latitude"}

@@ -14,15 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch._internal.arrays import Flags, Floats
 from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch.drift.chain import Chain, fine_cells
 from DroneSwarmSearch.drift.scale import Scale
 
 if TYPE_CHECKING:
     from DroneSwarmSearch.scenario import Scenario
-
-__all__ = ["Tracks"]
 
 MOST_LOST = 0.1
 """The largest share of lost tracks: nobody knows what became of them."""
@@ -107,14 +105,10 @@ class Tracks:
         text = f"{len(self):,} tracks, {self.steps} steps"
         text += f", {self.stranded:,} stranded" * (self.stranded > 0)
         text += f", {self.lost:,} lost and left out" * (self.lost > 0)
-        return f"<Tracks: {text}, {self._extent}>"
-
-    @cached_property
-    def _extent(self) -> str:
-        low = np.min([each.min(axis=0) for each in self.positions], axis=0)
-        high = np.max([each.max(axis=0) for each in self.positions], axis=0)
+        low, high = self.positions.min(axis=(0, 1)), self.positions.max(axis=(0, 1))
         ranges = zip("xy", low, high, strict=True)
-        return ", ".join(f"{name} {first:.1f} to {last:.1f}" for name, first, last in ranges)
+        text += "".join(f", {name} {first:.1f} to {last:.1f}" for name, first, last in ranges)
+        return f"<Tracks: {text}>"
 
     @property
     def steps(self) -> int:
@@ -137,15 +131,9 @@ class Tracks:
                 f"held_out must leave tracks in both parts, got {held_out!r} of {self}"
             )
         order = np.random.default_rng(checks.integer("seed", seed, 0)).permutation(len(self))
-        return self._of(order[count:]), self._of(order[:count])
-
-    def thin(self, n: int, seed: int = 0) -> Tracks:
-        """Keep n of the tracks, drawn at random without replacement."""
-        count, seed = checks.integer("n", n, 1, len(self)), checks.integer("seed", seed, 0)
-        return self._of(np.random.default_rng(seed).permutation(len(self))[:count])
-
-    def _of(self, which: Ints) -> Tracks:
-        return Tracks(self.positions[:, which], self.weights[which])
+        parts = order[count:], order[:count]
+        fitted, held = (Tracks(self.positions[:, part], self.weights[part]) for part in parts)
+        return fitted, held
 
     # The drift model.
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.files import check_writable, write_text
+from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.recording import play
@@ -76,25 +76,26 @@ def export(
     where = as_named(search).with_posterior(bayesian_update)
     specs = [PolicySpec.of(policy) for policy in policies]
     numbers = [checks.integer("seeds", seed, 0) for seed in seeds]
-    check_writable(Path(path))
 
     maps, episodes = _Maps(), []
-    with Progress(f"episodes of {where.name}", len(specs) * len(numbers)) as bar:
+    title, total = f"episodes of {where.name}", len(specs) * len(numbers)
+    with replacing(Path(path)) as spare, Progress(title, total) as bar:
         for spec in specs:
             policy = spec.make(where.scenario)
             for seed in numbers:
                 who = {"policy": spec.name, "seed": seed}
                 episodes.append(who | _episode(list(play(policy, where, seed)), maps))
                 bar(len(episodes))
-    data = {
-        "format": "DroneSwarmSearch episodes",
-        "version": 1,  # of the format
-        "package": DroneSwarmSearch.__version__,
-        "search": _description(where),
-        "maps": maps.data(),
-        "episodes": episodes,
-    }
-    write_text(Path(path), json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n")
+        data = {
+            "format": "DroneSwarmSearch episodes",
+            "version": 1,  # of the format
+            "package": DroneSwarmSearch.__version__,
+            "search": _description(where),
+            "maps": maps.data(),
+            "episodes": episodes,
+        }
+        text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+        spare.write_bytes(f"{text}\n".encode())
     return data
 
 

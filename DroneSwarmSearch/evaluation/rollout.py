@@ -19,8 +19,6 @@ from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations
 
-__all__ = ["PolicyLike", "play", "reset_policy", "searches_of"]
-
 PolicyLike = Callable[[Any], Any]
 TOP_CELLS = 8  # cells in the layout "top-cells", as the vector environments show them by default
 

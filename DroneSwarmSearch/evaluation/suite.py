@@ -20,8 +20,6 @@ from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
 
-__all__ = ["SUITE", "SUITE_VERSION", "NamedSearch", "as_named", "search"]
-
 
 @dataclass(frozen=True)
 class NamedSearch:

@@ -19,6 +19,9 @@ MINUTES = 5, 10, 20, 30, 45, 60, 90, 120
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options; those of the incident have the names of its values."""
+    parser.usage = (
+        "%(prog)s --position LAT LON --time UTC --object CLASS --wind DEGREES SPEED --out DIR ..."
+    )
     place: Any = {"metavar": ("LAT", "LON"), "nargs": 2, "type": float}
     flow: Any = {"metavar": ("DEGREES", "SPEED"), "nargs": 2}
     speed = _quantity(kn=leeway.KNOT, **{"m/s": 1.0, "km/h": 1 / 3.6})

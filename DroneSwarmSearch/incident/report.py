@@ -133,6 +133,8 @@ class Incident:
             for name in ("object_class", "wind"):
                 if getattr(self, name) is not None:
                     raise ValueError(f"{name} cannot be given together with tracks")
+            if not Path(tracks).is_file():
+                raise ValueError(f"tracks must name a file, but there is no {str(tracks)!r}")
             known, began = first_known(Path(tracks))
             tracks, position, time = os.fspath(tracks), position or known, time or began
         elif self.wind is None or self.object_class is None:

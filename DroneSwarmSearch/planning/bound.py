@@ -21,7 +21,7 @@ alive is found, so the bound also holds for finding alive.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -42,8 +42,6 @@ from DroneSwarmSearch.planning.trajectories import (
     sample_trajectories,
 )
 from DroneSwarmSearch.scenario import Scenario, checked_scenario
-
-__all__ = ["SuccessBound", "success_bound"]
 
 SAMPLE = 65536
 """Trajectories in a sample; with one person, sampling adds at most 0.9 percentage points."""
@@ -68,8 +66,6 @@ ITERATIONS, ITERATIONS_BEFORE, CHAIN_ITERATIONS = 300, 20, 40
 
 MOST_PATHS = 64
 """The most sets of paths to start from for fewer steps."""
-
-Report = Callable[[float], None]
 
 
 @dataclass(frozen=True)
@@ -105,7 +101,6 @@ def success_bound(
     sample: int = SAMPLE,
     gap: float = 0.004,
     horizons: int = HORIZONS,
-    report: Report = lambda fraction: None,
 ) -> SuccessBound:
     """Bound the probability of success of every policy from above.
 
@@ -118,7 +113,6 @@ def success_bound(
             limit, at most 2**28.
         gap: the duality gap at which to stop, as a fraction of the bound.
         horizons: numbers of steps for which to solve the relaxation.
-        report: called from time to time with the completed fraction of the work.
 
     Raises:
         TypeError: an argument has the wrong type.
@@ -139,7 +133,7 @@ def success_bound(
     sampled_bounds = len(ends) * enumerated.count(None)
     failure = (1.0 - CONFIDENCE) / max(1, sampled_bounds)
     curves, solutions = [], []
-    for number, ((person, model), every) in enumerate(zip(models.items(), enumerated, strict=True)):
+    for (person, model), every in zip(models.items(), enumerated, strict=True):
         relaxation = _Relaxation(
             model,
             person.probability_of_detection,
@@ -148,11 +142,7 @@ def success_bound(
             None if every else failure,
             gap,
         )
-
-        def report_part(fraction: float, number: int = number) -> None:
-            report((number + fraction) / len(models))
-
-        curve, solution = relaxation.curve(ends, memory, report_part)
+        curve, solution = relaxation.curve(ends, memory)
         curves.append(curve)
         solutions.append(solution)
     confidence = CONFIDENCE if sampled_bounds else 1.0
@@ -207,9 +197,7 @@ class _Relaxation:
     failure: float | None
     gap: float
 
-    def curve(
-        self, ends: Sequence[int], memory: int | None, report: Report
-    ) -> tuple[Floats, Solution]:
+    def curve(self, ends: Sequence[int], memory: int | None) -> tuple[Floats, Solution]:
         """The bound after each number of steps, and the solution for the first of `ends`."""
         some = self.trajectories
         if memory is None:
@@ -218,9 +206,8 @@ class _Relaxation:
             while memory < MOST_MEMORY and self._drones(part, memory + 1).work <= WORK:
                 memory += 1
         objective = TrajectoryObjective(self._drones(some, memory))
-        solution = self._solve(objective, ITERATIONS, lambda fraction: report(0.7 * fraction))
+        solution = self._solve(objective, ITERATIONS)
         bounds = {ends[0]: self._bound(solution, ends[0], objective.mixture)}
-        report(0.7)
         # Fewer trajectories, remembered actions and iterations suffice for the curve's shape.
         if self.failure is not None:
             some = equally_likely(some.cells[:, : math.ceil(some.cells.shape[1] / 2)])
@@ -228,7 +215,6 @@ class _Relaxation:
         drones = self._drones(some, min(memory, MEMORY_BEFORE))
         largest = sorted(objective.mixture, key=lambda each: -each[0])[:MOST_PATHS]
         total = sum(share for share, _ in largest)
-        work, done = sum(end**2 for end in ends[1:]), 0
         for end in ends[1:]:
             shorter = [
                 (
@@ -240,20 +226,13 @@ class _Relaxation:
             objective = TrajectoryObjective(drones.until(end), shorter)
             relaxed = self._solve(objective, ITERATIONS_BEFORE)
             bounds[end] = self._bound(relaxed, end, objective.mixture)
-            done += end**2
-            report(0.7 + 0.3 * done / work)
         return _filled(bounds), solution
 
     def _drones(self, trajectories: Trajectories, memory: int) -> RememberingDrones:
         size = self.model.grid_size
         return RememberingDrones(trajectories, size, self.detection, self.starts, memory)
 
-    def _solve(
-        self,
-        objective: TrajectoryObjective,
-        iterations: int,
-        report: Report = lambda fraction: None,
-    ) -> Solution:
+    def _solve(self, objective: TrajectoryObjective, iterations: int) -> Solution:
         """Maximise E[min(Z, g(N))]."""
         return frank_wolfe(
             objective,
@@ -261,7 +240,6 @@ class _Relaxation:
             gap=self.gap,
             iterations=iterations,
             upper_bound=1.0,
-            report=report,
         )
 
     def _bound(self, solution: Solution, steps: int, mixture: Mixture) -> float:

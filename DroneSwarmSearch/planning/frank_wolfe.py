@@ -16,8 +16,6 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 
-__all__ = ["Solution", "frank_wolfe", "line_search"]
-
 AVERAGING = 10.0
 """Tangent k has weight AVERAGING / (k + AVERAGING) in the mean, which forgets the early ones."""
 
@@ -54,7 +52,6 @@ def frank_wolfe(
     gap: float,
     iterations: int,
     upper_bound: float = math.inf,
-    report: Callable[[float], None] = lambda fraction: None,
 ) -> Solution:
     """Maximise a concave function over the mixtures of what an oracle can return.
 
@@ -64,7 +61,6 @@ def frank_wolfe(
         gap: stop at this duality gap, as a fraction of the upper bound.
         iterations: the largest number of iterations.
         upper_bound: a bound that is already known.
-        report: called after each iteration with the fraction of iterations done.
     """
     value = -math.inf
     mean_intercept, mean_gains = 0.0, np.zeros(())
@@ -80,7 +76,6 @@ def frank_wolfe(
         if upper_bound - value <= gap * upper_bound or iteration == iterations:
             break
         objective.move_towards(target)
-        report((iteration + 1) / iterations)
     return Solution(value, upper_bound)
 
 

@@ -27,16 +27,11 @@ from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.trajectories import Trajectories
 
-__all__ = ["Histories", "RememberingDrones"]
-
 Offset = tuple[int, int] | None
 """A cell (dx, dy) relative to the drone's; None without a search, or out of the drone's reach."""
 
 MOVES = (-1, 0), (1, 0), (0, -1), (0, 1)
 """The displacements (dx, dy) of a drone: left, right, up, down."""
-
-PATHS_AT_ONCE = 16
-"""Paths that are followed together, to save overhead."""
 
 PRODUCTS_PER_UPDATE = 150
 """Multiplications of the matrix product that take as long as updating one value."""
@@ -83,9 +78,7 @@ class _Step(NamedTuple):
         place: shape (G,): the cell of each group within the box, row by row.
         pasts: shape (K, P): the offsets of each past, the latest step first, see `_code`.
         box: the rows and columns of the grid that contain the cells with trajectories.
-        cells: shape (C,): these cells.
-        order: shape (M,): the trajectories by cell.
-        ends: shape (C + 1,): where in `order` each cell begins and ends.
+        n_cells: the number of these cells.
     """
 
     group: Ints
@@ -93,9 +86,7 @@ class _Step(NamedTuple):
     place: Ints
     pasts: Ints
     box: tuple[slice, slice]
-    cells: Ints
-    order: Ints
-    ends: Ints
+    n_cells: int
 
 
 class RememberingDrones:
@@ -109,12 +100,12 @@ class RememberingDrones:
         starts: Sequence[int],
         memory: int,
     ) -> None:
-        cells, self.probabilities = trajectories
+        self._cells, self.probabilities = trajectories
         self.detection, self._size, self._starts = detection, grid_size, list(starts)
-        self._memory = min(memory, len(cells) - 1)
+        self._memory = min(memory, len(self._cells) - 1)
         self._histories = Histories(self._memory)
-        y, x = np.divmod(cells, grid_size)
-        self._steps = [self._grouped(cells[step], x, y, step) for step in range(len(cells))]
+        y, x = np.divmod(self._cells, grid_size)
+        self._steps = [self._grouped(here, x, y, step) for step, here in enumerate(self._cells)]
         self._values: Singles = np.zeros((0, 0, 0), np.float32)
 
     def until(self, steps: int) -> RememberingDrones:
@@ -126,7 +117,7 @@ class RememberingDrones:
     @property
     def work(self) -> float:
         """The cost of computing the best paths once, in updates of a value."""
-        products: int = sum(step.pasts.shape[1] * len(step.cells) for step in self._steps)
+        products: int = sum(step.pasts.shape[1] * step.n_cells for step in self._steps)
         updates = len(self._steps) * self._size**2
         return len(self._histories.all) * (updates + products / PRODUCTS_PER_UPDATE)
 
@@ -144,35 +135,20 @@ class RememberingDrones:
 
     def collected(self, paths: Sequence[Path], shares: Floats | None = None) -> Floats:
         """The credits and searches that paths collect along each trajectory: (2, M)."""
+        total, q = np.zeros((2, len(self.probabilities))), self.detection
         shares = np.ones(len(paths)) if shares is None else shares
-        total = np.zeros((2, len(self.probabilities)))
-        for first in range(0, len(paths), PATHS_AT_ONCE):
-            part = slice(first, first + PATHS_AT_ONCE)
-            self._collect(paths[part], shares[part], total)
+        for path, share in zip(paths, shares, strict=True):
+            # Whether the path has searched each trajectory, in this step and the last K ones.
+            searched = np.zeros((self._memory + 1, len(self.probabilities)), np.uint8)
+            for number, searches in enumerate(path.searches):
+                now = searched[number % len(searched)]
+                now[:] = 0
+                if searches:
+                    met = np.flatnonzero(self._cells[number] == path.cells[number])
+                    total[0, met] += share * q * (1.0 - q) ** searched[:, met].sum(axis=0)
+                    total[1, met] += share
+                    now[met] = 1
         return total
-
-    def _collect(self, paths: Sequence[Path], shares: Floats, total: Floats) -> None:
-        """Add what paths collect to a total."""
-        count, q = len(self.probabilities), self.detection
-        # Whether each path has searched each trajectory, in this step and the last K ones.
-        searched = np.zeros((self._memory + 1, len(paths) * count), np.uint8)
-        for number, step in enumerate(self._steps):
-            now = searched[number % len(searched)]
-            now[:] = 0
-            met, by = [], []
-            for path, each in enumerate(paths):
-                if each.searches[number]:
-                    place = int(step.cells.searchsorted(each.cells[number]))
-                    if place < len(step.cells) and step.cells[place] == each.cells[number]:
-                        met.append(step.order[step.ends[place] : step.ends[place + 1]])
-                        by.append(path)
-            if met:
-                trajectory, path_of = np.concatenate(met), np.repeat(by, [*map(len, met)])
-                places, share = path_of * count + trajectory, shares[path_of]
-                earlier = searched[:, places].sum(axis=0)
-                np.add.at(total[0], trajectory, share * q * (1.0 - q) ** earlier)
-                np.add.at(total[1], trajectory, share)
-                now[places] = 1
 
     def _grouped(self, here: Ints, x: Ints, y: Ints, number: int) -> _Step:
         """Group the trajectories in a step."""
@@ -194,9 +170,7 @@ class RememberingDrones:
         top, left, right = int(rows.min()), int(columns.min()), int(columns.max()) + 1
         box = slice(top, int(rows.max()) + 1), slice(left, right)
         place = ((rows - top) * (right - left) + columns - left)[cell_of]
-        ends = np.append(0, np.bincount(cell).cumsum())
-        order = cell.argsort(kind="stable")
-        return _Step(group, past_of, place, pasts, box, cells, order, ends)
+        return _Step(group, past_of, place, pasts, box, len(cells))
 
     @cached_property
     def _credits(self) -> list[Singles]:

@@ -13,8 +13,6 @@ from DroneSwarmSearch.planning.frank_wolfe import line_search
 from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.paths import Path
 
-__all__ = ["MarkovChainObjective", "Mixture", "TrajectoryObjective"]
-
 Mixture = Sequence[tuple[float, Sequence[Path]]]
 """Sets of paths, one for each drone, with their shares in a mixture."""
 

@@ -13,9 +13,6 @@ from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.paths import Path
 
-__all__ = ["Box", "Passes", "Target"]
-
-
 NEGLIGIBLE = 1e-13
 """A cell with less probability cannot make a plan better."""
 

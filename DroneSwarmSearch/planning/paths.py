@@ -20,9 +20,6 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 
-__all__ = ["FORBIDDEN", "Path", "best_path", "values_to_go"]
-
-
 FORBIDDEN = -np.inf
 """The value of a cell that a drone must not be in."""
 

@@ -28,8 +28,6 @@ from DroneSwarmSearch.planning.passes import Passes, Target
 from DroneSwarmSearch.planning.paths import FORBIDDEN, Path, best_path, values_to_go
 from DroneSwarmSearch.planning.segments import Segment, reach_of
 
-__all__ = ["Plan", "Report", "idle_paths"]
-
 Distortion = Callable[[Floats], Floats]
 """Changes the gains of a segment."""
 

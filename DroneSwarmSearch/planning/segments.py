@@ -19,8 +19,6 @@ from DroneSwarmSearch.drift.model import over_layers
 from DroneSwarmSearch.planning.passes import Box, Passes
 from DroneSwarmSearch.planning.paths import Path
 
-__all__ = ["Segment", "reach_of"]
-
 Searches = dict[int, tuple[slice, int, int]]
 """For each step with a search, the indices of its cell's states in the mass."""
 

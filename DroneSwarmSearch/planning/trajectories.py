@@ -11,8 +11,6 @@ from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.streams import numbers, stream_keys
 from DroneSwarmSearch.drift.model import DriftModel
 
-__all__ = ["Trajectories", "chernoff_bound", "enumerate_trajectories", "sample_trajectories"]
-
 MOST_ENUMERATED = 65536
 """The most trajectories to enumerate: of the order of a sample, so at a similar cost."""
 

@@ -12,8 +12,6 @@ from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch.drift.belief import means_over_missing, normalise
 from DroneSwarmSearch.drift.model import Forecasts, over_layers
 
-__all__ = ["Beliefs"]
-
 _TILE_BYTES = 1600 * 2**10
 """The size of one person's beliefs in a tile: several such arrays fit into the cache."""
 

@@ -17,8 +17,6 @@ from DroneSwarmSearch.rules import COVERED_AT
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.beliefs import Beliefs
 
-__all__ = ["BatchState", "Catalogue"]
-
 
 class Catalogue:
     """The searches that episodes draw from, which differ in their persons only.
