@@ -17,7 +17,7 @@ The search itself is a few lines; `DroneSwarmSearch/demo.py` adds the window and
 
 import sys
 
-from DroneSwarmSearch.demo import main
+from DroneSwarmSearch.cli import main
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(["play", *sys.argv[1:]]))

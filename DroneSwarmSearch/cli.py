@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch import demo
+from DroneSwarmSearch.evaluation import commands
+from DroneSwarmSearch.incident import command as plan
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.scenario import MISSIONS
@@ -21,7 +23,26 @@ PROGRAM = "python -m DroneSwarmSearch"
 
 # A summary, a description and examples of each.
 COMMANDS = {
-    "play": "watch a search in a window or in the terminal, or fly a drone; the default",
+    "play": """\
+watch a search in a window or in the terminal, or fly a drone; the default
+
+Drones search a grid at sea for shipwrecked persons who drift: watch a policy, or fly one drone
+yourself. SEARCH names a search; without it, the drones start around the border, and the person is
+expected in the middle of the grid halfway through the search. Every drone flies to the cell with
+the highest probability, discounted by its distance (the policy "greedy-matrix"), unless you choose
+another policy.
+
+examples:
+  python -m DroneSwarmSearch play                              watch a search
+  python -m DroneSwarmSearch play --manual --hide-person       fly drone 0 against the policies
+  python -m DroneSwarmSearch play gale --policy greedy-forecast --seed 4
+  python -m DroneSwarmSearch play classic --record classic.gif
+
+Keys are listed in the window; Esc quits. With --manual, the arrow keys (or W, A, S, D) move drone
+0, space searches its cell, and I waits; every key is one step for all drones. Moves off the grid
+and into other drones are refused: they would end the search. With --hide-person, you see no more
+than the policies do, and your result is compared with theirs at the end.
+""",
     "plan": """\
 plan flights for an incident: waypoints, files for maps, a printed map
 
@@ -120,7 +141,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(sys.stdout, io.TextIOWrapper):
             # An ASCII terminal shows "?" for missing characters, instead of failing.
             sys.stdout.reconfigure(errors="replace")
-    code = _run(argv)
+    if not argv or (argv[0].startswith("-") and argv[0] not in ("-h", "--help")):
+        argv = ["play", *argv]
+    code = commands.run(_parser().parse_args(argv))
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -132,18 +155,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
-def _run(argv: Sequence[str]) -> int:
-    command, *rest = argv or ("play",)
-    if command == "play":
-        return demo.main(rest)
-    if command.startswith("-") and command not in ("-h", "--help"):
-        return demo.main(argv)
-    options = _parser().parse_args(argv)
-    from DroneSwarmSearch.evaluation import commands  # here, so that `play` starts faster
-
-    return commands.run(options)
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=PROGRAM,
@@ -151,21 +162,17 @@ def _parser() -> argparse.ArgumentParser:
         usage=f"{PROGRAM} [play [SEARCH]] [options]\n       {PROGRAM} COMMAND [arguments]",
         epilog=f"`{PROGRAM} COMMAND --help` describes the options of each, with examples.",
     )
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", prog=PROGRAM)
+    several = parser.add_subparsers(title="commands", metavar="COMMAND", prog=PROGRAM)
     for name, text in COMMANDS.items():
-        if name == "play":  # the demo has a parser of its own
-            commands.add_parser(name, help=text, add_help=False)
-            continue
         summary, description, more = text.split("\n\n", 2)
-        command = commands.add_parser(
+        command = several.add_parser(
             name, help=summary, description=description, epilog=more, formatter_class=FORMAT
         )
-        command.set_defaults(command=name, parser=command, action=None)
-        if name == "plan":
-            from DroneSwarmSearch.incident.command import add_arguments, run
-
-            add_arguments(command)
-            command.set_defaults(action=run)
+        command.set_defaults(command=name, parser=command)
+        if name == "play":
+            demo.add_arguments(command)
+        elif name == "plan":
+            plan.add_arguments(command)
         elif name in ("record", "export"):
             _add_files(command, name)
         else:

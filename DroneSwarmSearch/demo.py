@@ -1,66 +1,116 @@
-"""The demo: watch a search in a window or a terminal, fly a drone, or record a video."""
+"""The command `play`: watch a search in a window or a terminal, fly a drone, or record a video."""
 
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.errors import printed_warnings
-from DroneSwarmSearch.demo_options import parse, search_of
 from DroneSwarmSearch.env import DroneSwarmSearch
-from DroneSwarmSearch.evaluation.suite import NamedSearch
+from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
+from DroneSwarmSearch.evaluation.rollout import reset_policy
+from DroneSwarmSearch.evaluation.suite import NamedSearch, search
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import Observation
-from DroneSwarmSearch.policies import make
+from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.palette import Look
 from DroneSwarmSearch.rendering.player import Player, Recording, Score
 from DroneSwarmSearch.rendering.text import print_frames
-from DroneSwarmSearch.rendering.video import write_video
+from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
+from DroneSwarmSearch.scenario import Cell, Scenario
+
+USUAL_POLICY = "greedy-matrix"  # it needs only observations, so it also works while you fly drone 0
 
 # Flights by hand are compared with these policies, all of which are quick.
 RIVALS = ("greedy-matrix", "greedy-posterior", "greedy-forecast", "parallel-sweep")
 
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the demo; returns 0, 1 if the output cannot be written, or 130 after Ctrl-C."""
-    parser, options = parse(argv)
-    try:
-        _run(parser, options)
-        return 0
-    except KeyboardInterrupt:
-        print("\ninterrupted", file=sys.stderr)
-        return 130  # as shells do after Ctrl-C
-    except OSError as error:
-        # Python must not fail again when it flushes the rest of the output.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):  # which says that the reader has gone
-            print(f"cannot write the output: {error.strerror}", file=sys.stderr)
-        return 1
+GRID_SIZE = 24  # of the search without a name
 
 
-def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    try:
-        with printed_warnings():
-            search = search_of(options)
-        episode = _Episode(search, options, options.seed)
-    except FileNotFoundError:
-        parser.error(f"argument --policy: there is no file {options.policy!r}")
-    except (TypeError, ValueError) as error:
-        parser.error(str(error))
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.usage = "%(prog)s [SEARCH] [options]"
+    parser.add_argument(
+        "search",
+        metavar="SEARCH",
+        nargs="?",
+        help="a search of the suite, such as classic or gale (`evaluate --list` describes them), "
+        "or a file of a search or an incident, .json",
+    )
+    view = parser.add_argument_group("view (a window if there is a display, otherwise text)")
+    where = view.add_mutually_exclusive_group().add_argument
+    where("--manual", action="store_true", help="fly drone 0 with the arrow keys")
+    where("--text", action="store_true", help="stay in the terminal")
+    where("--record", metavar="FILE", type=Path, help="write a video instead, .gif or .mp4")
+    add = view.add_argument
+    add("--hide-person", action="store_true", help="do not show missing persons")
+    add("--fps", type=float, default=6.0, help="steps shown per second (default: 6)")
+    add("--no-grid", action="store_true", help="draw no lines between the cells")
+    add("--no-gradient", action="store_true", help="colour the cells in three steps")
+    prior = "show the drones, and you, the forecast of the drift instead of the posterior"
+    add("--prior", action="store_true", help=prior)
+
+    policies = f"{', '.join(POLICIES)}, or a file of weights, .npz (default: {USUAL_POLICY})"
+    add = parser.add_argument_group("episode").add_argument
+    add("--policy", metavar="NAME", default=USUAL_POLICY, help=policies)
+    seed = "seed of the persons' drift (default: 0)"
+    add("--seed", metavar="N", type=int, default=0, help=seed)
+    drones = "number of drones, without SEARCH (default: 4)"
+    add("--drones", metavar="N", type=int, help=drones)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Play a search as the options say."""
+    if options.manual and options.policy != USUAL_POLICY:
+        raise ValueError(f"--manual: the other drones use {USUAL_POLICY}: leave out --policy")
+    checks.real("--fps", options.fps, FPS_LEAST, FPS_MOST)
+    with printed_warnings():
+        found = _search_of(options)
+    episode = _Episode(found, options, options.seed)
     if options.search is not None:
-        print(textwrap.fill(f"{search.name}: {search.reason}", 100) + "\n", flush=True)
+        print(textwrap.fill(f"{found.name}: {found.reason}", 100) + "\n", flush=True)
     if options.record is not None:
-        _record(parser, options, episode)
-    elif options.text or not _play_in_window(parser, options, search):
+        _record(options, episode)
+    elif options.text or not _play_in_window(options, found):
         print_frames(episode.frames(), options.fps)
     else:
         return
-    _print_summary(search, options, options.seed, episode.frame)
+    _print_summary(found, options, options.seed, episode.frame)
+
+
+def _search_of(options: argparse.Namespace) -> NamedSearch:
+    if options.search is not None:
+        if options.drones is not None:
+            raise ValueError("argument --drones: not allowed with a SEARCH")
+        return search(options.search).with_posterior(not options.prior)
+    n_drones = 4 if options.drones is None else options.drones
+    checks.integer("--drones", n_drones, 1, 4 * (GRID_SIZE - 1))
+    scenario = Scenario(
+        GRID_SIZE,
+        n_drones,
+        vector=(0.16, 0.08),
+        person_initial_position=((6, 9),),
+        disperse_constant=2.0,
+        timestep_limit=80,
+        bayesian_update=not options.prior,
+    )
+    name = f"{GRID_SIZE} x {GRID_SIZE} cells"
+    return NamedSearch(name, "Described by options.", scenario, _around_the_border(n_drones))
+
+
+def _around_the_border(n_drones: int) -> tuple[Cell, ...]:
+    """Start cells spread evenly around the border, clockwise from (0, 0)."""
+    last = GRID_SIZE - 1
+    top = [(x, 0) for x in range(last)]
+    right = [(last, y) for y in range(last)]
+    border = [*top, *right, *((last - x, last - y) for x, y in top + right)]
+    return tuple(border[drone * len(border) // n_drones] for drone in range(n_drones))
 
 
 class _Episode:
@@ -76,12 +126,12 @@ class _Episode:
     ) -> None:
         name = rival or options.policy
         self._label = f"you and {name}" if options.manual and not rival else name
-        self._policy = make(name, search.scenario)
-        self._policy.reset(seed=seed)
+        self._policy = PolicySpec.of(name).make(search.scenario)
         self._hide_person = options.hide_person
         self.search = search
         self._env = DroneSwarmSearch(scenario=search.scenario, render_mode=None)
-        self._observations, _ = self._env.reset(seed, drones_positions=search.drones or None)
+        self._observations, _ = self._env.reset(seed, drones_positions=search.drones)
+        reset_policy(self._policy, seed)
         self.frame = self._current_frame()
 
     def step(self, action: Action | None = None) -> Frame:
@@ -147,26 +197,17 @@ def _look(options: argparse.Namespace) -> Look:
     return Look(grid=not options.no_grid, gradient=not options.no_gradient)
 
 
-def _record(
-    parser: argparse.ArgumentParser, options: argparse.Namespace, episode: _Episode
-) -> None:
+def _record(options: argparse.Namespace, episode: _Episode) -> None:
     from DroneSwarmSearch.rendering.painter import Painter
 
     path, first = options.record, episode.frame
     print(f"recording to {path}, at most {first.timestep_limit} steps ...", file=sys.stderr)
     reason = episode.search.reason if first.scale else ""
     painter = Painter(first.grid_size, _look(options), reason=reason)
-    try:
-        write_video(path, painter, episode.frames(), fps=options.fps, hold=2.0)
-    except (ImportError, ValueError) as error:
-        parser.error(f"argument --record: {error}")
-    except OSError as error:
-        parser.exit(1, f"cannot write {path}: {error.strerror or error}\n")
+    write_video(path, painter, episode.frames(), fps=options.fps, hold=2.0)
 
 
-def _play_in_window(
-    parser: argparse.ArgumentParser, options: argparse.Namespace, search: NamedSearch
-) -> bool:
+def _play_in_window(options: argparse.Namespace, search: NamedSearch) -> bool:
     """Play episodes in a window until the user closes it; returns whether one could be opened."""
     from DroneSwarmSearch.rendering.player_window import PlayerWindow
 
@@ -177,7 +218,9 @@ def _play_in_window(
     except RuntimeError as error:
         reason = error.__cause__ or error
         if options.manual:
-            parser.error(f"--manual needs a display, and no window can be opened ({reason})")
+            raise ValueError(
+                f"--manual needs a display, and no window can be opened ({reason})"
+            ) from error
         print(f"no window can be opened ({reason}): showing text", file=sys.stderr)
         return False
     played: list[tuple[int, Recording]] = []

@@ -13,7 +13,7 @@ any search. The weights are saved as policy.npz, which the package runs without 
 Structure and names follow CleanRL (S. Huang et al., JMLR 23, 2022). Four things are specific to
 search:
 
-- Searches are simulated in expectation (`training.ExpectedSearches`): nobody is found, and the
+- Searches are simulated in expectation (`expected_searches.py`): nobody is found, and the
   reward of a search action is the probability of success that it adds. It has the same mean as a
   reward for finding the person, and no sampling error.
 - The network starts as greedy search on the forecast and learns what to add: its last layer also
@@ -32,6 +32,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from expected_searches import ExpectedSearches
 from numpy.typing import NDArray
 from ppo_searches import draw_searches, held_out_searches, mean_success
 from torch import nn
@@ -42,7 +43,6 @@ from DroneSwarmSearch.layouts.masks import choose_in_turn
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.arrivals import BASELINE, INPUTS, TURNS, VIEWS
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
-from DroneSwarmSearch.training import ExpectedSearches
 
 TEST_SEARCH = "classic"
 """The search of the evaluation suite for the comparison with the baselines."""

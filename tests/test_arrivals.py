@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from trainer_examples import module
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
 from DroneSwarmSearch.layouts.masks import choose_in_turn
@@ -17,7 +18,8 @@ from DroneSwarmSearch.policies.greedy import (
     PosteriorGreedyPolicy,
     claimed_in_turn,
 )
-from DroneSwarmSearch.training import ExpectedSearches
+
+ExpectedSearches: Any = module("expected_searches").ExpectedSearches
 
 SIZE, DRONES, STEPS = 9, 3, 6
 TOWARDS = {Action.RIGHT: (1, 0), Action.DOWN: (0, 1), Action.LEFT: (-1, 0), Action.UP: (0, -1)}

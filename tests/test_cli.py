@@ -11,7 +11,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,7 +21,7 @@ from helpers import bound_by_time, refusal
 
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch._internal import progress
-from DroneSwarmSearch.evaluation import SUITE, View, evaluate
+from DroneSwarmSearch.evaluation import SUITE, View, commands, evaluate
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS
@@ -74,25 +73,23 @@ def test_every_command_has_help(capsys):
         command.main(["--help"])
     assert stop.value.code == 0
     text = capsys.readouterr().out
-    names = ("play", "evaluate", "leaderboard", "bound", "record", "export")
-    for name in names:
+    for name in ("play", "evaluate", "leaderboard", "bound", "record", "export"):
         assert re.search(rf"^ +{name}\b", text, re.MULTILINE)
-    for name in names[1:]:
         with pytest.raises(SystemExit) as stop:
             command.main([name, "--help"])
         output = capsys.readouterr().out
         assert stop.value.code == 0
         assert f"usage: python -m DroneSwarmSearch {name}" in output
         assert f"\n  python -m DroneSwarmSearch {name} " in output  # an example
-        assert ("executed" in output) == (name != "bound")
+        assert ("executed" in output) == (name not in ("play", "bound"))
 
 
 @pytest.mark.parametrize("arguments", [[], ["play"], ["--text"]])
 def test_the_default_command_is_play(arguments, monkeypatch):
-    seen: list[Sequence[str]] = []
-    monkeypatch.setattr("DroneSwarmSearch.demo.main", lambda argv: seen.append(argv) or 0)
+    seen: list[Any] = []
+    monkeypatch.setitem(commands._COMMANDS, "play", seen.append)
     assert command.main(arguments) == 0
-    assert seen == [[each for each in arguments if each != "play"]]
+    assert [options.text for options in seen] == ["--text" in arguments]
 
 
 def test_the_list_has_all_policies_and_searches(capsys):
@@ -187,25 +184,26 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path):
         (["evaluate", "mine.py", "pond"], "got 'mine.py'; name an attribute of the file, too"),
         (["evaluate", "math:tau", "pond"], "math has none called 'tau'"),
         (["evaluate", "random", "pond", "--view", "drone"], "view must be 'swarm' or 'parallel'"),
-        (["bound", "no.json"], "search must name a file, but there is no 'no.json'"),
+        (["bound", "no.json"], "No such file or directory: 'no.json'"),
     ],
 )
 def test_wrong_arguments_are_refused(capsys, arguments, message):
     assert message in refusal(capsys, *arguments)
 
 
-def test_folders_and_damaged_weights_are_refused(capsys, tmp_path, monkeypatch):
+def test_damaged_weights_and_folders_are_refused(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    Path("folder.py").mkdir()
     Path("text.npz").write_text("no weights", "utf-8")
     np.save("array.npy", np.zeros(3))
     shutil.copy("array.npy", "array.npz")
     for text, message in (
-        ("folder.py:act", "'folder.py' is a folder"),
         ("text.npz", "text.npz must hold a network's weights"),
         ("array.npz", "array.npz must hold a network's weights"),
     ):
         assert message in refusal(capsys, "evaluate", text, "pond")
+    for text in ("none.npz", "none.py:act"):
+        line = answer(capsys, "evaluate", text, "pond", code=1).err
+        assert line.endswith(f"{text.removesuffix(':act')}: No such file or directory\n")
     Path("out").write_text("a file", "utf-8")
     for arguments in (("evaluate", "random", "pond"), ("bound", "pond")):
         output = answer(capsys, *arguments, "--out", "out", code=1)
@@ -351,7 +349,7 @@ def test_without_a_terminal_there_are_occasional_lines(capsys, clock):
         for _ in range(7):
             clock[0] += 10.0
             bar(clock[0] - 100.0)
-    lines = ["work: 1%, about 49 min 30 s left", "work: 2%, about 49 min 00 s left"]
+    lines = ["work: 1%, 0:49:30 left", "work: 2%, 0:49:00 left"]
     assert capsys.readouterr().err.splitlines() == lines
 
 
@@ -366,7 +364,7 @@ def test_a_terminal_shows_a_bar_after_two_seconds(monkeypatch, clock, shown):
         assert terminal.getvalue() == ""
         clock[0] += 2.1
         bar(2.0)
-    drawn = f"\rwork [{'#' * 15}{' ' * 15}] 50%, about 4 s left\x1b[K\r\x1b[K"
+    drawn = f"\rwork [{'#' * 15}{' ' * 15}] 50%, 0:00:04 left\x1b[K\r\x1b[K"
     assert terminal.getvalue() == (drawn if shown else "")
 
 

@@ -15,8 +15,7 @@ from typing import Any
 import pytest
 from helpers import refusal
 
-from DroneSwarmSearch import Scale, demo
-from DroneSwarmSearch import cli as command_line
+from DroneSwarmSearch import Scale, cli, demo
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.incident import Incident
@@ -133,7 +132,7 @@ class TestText:
         assert "The target was found" in figures(done.stdout)["outcome"]
 
     def test_summary(self, short, capsys):
-        assert demo.main([short, "--text"]) == 0
+        assert cli.main(["play", short, "--text"]) == 0
         output = capsys.readouterr().out
         assert output.startswith("mine: Read from a file.\n\nstep 0/8 ")
         summary = figures(output)
@@ -146,21 +145,21 @@ class TestText:
     def test_missing_persons_can_be_hidden(self, capsys):
         shown = []
         for hide in ([], ["--hide-person"]):
-            demo.main(["--text", *hide])
+            cli.main(["play", "--text", *hide])
             output = capsys.readouterr().out
             shown.append([bool(re.search(mark + "[.:;=o%#@]", output)) for mark in (" P", r"F\d")])
         assert shown == [[True, True], [False, True]]
 
     def test_prints_some_frames_of_a_long_search(self, tmp_path, capsys):
         path = search_file(tmp_path, timestep_limit=1000, probability_of_detection=0)
-        demo.main([path, "--text"])
+        cli.main(["play", path, "--text"])
         steps = re.findall(r"step (\d+)/1000", capsys.readouterr().out)
         assert steps == ["0", "200", "400", "600", "800", "1000"]
 
     def test_draws_in_place_on_a_terminal(self, short, capsys, monkeypatch):
         monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
         monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((30, 9)))
-        demo.main([short, "--text", "--fps", "50"])
+        cli.main(["play", short, "--text", "--fps", "50"])
         pictures = capsys.readouterr().out.partition("\n\n")[2].split("\x1b[8A\x1b[J")
         assert [re.search(r"step (\d+)/8", each)[1] for each in pictures] == list("012345678")
         for each in pictures[:-1]:
@@ -184,7 +183,6 @@ class TestOptions:
         [
             ("--drones 0", "--drones must be an integer from 1 to 92, got 0"),
             ("--fps 0", "--fps must be a finite number of at least 0.1 and at most 50.0, got 0.0"),
-            ("--policy none.npz", "argument --policy: there is no file 'none.npz'"),
             ("pond --drones 2", "argument --drones: not allowed with a SEARCH"),
             ("--manual", "argument --text: not allowed with argument --manual"),
         ],
@@ -204,7 +202,7 @@ class TestOptions:
 
     def test_a_search_of_the_suite(self, capsys):
         arguments = ["play", "pond", "--text", "--policy", "greedy-posterior", "--seed", "3"]
-        assert command_line.main(arguments) == 0
+        assert cli.main(arguments) == 0
         summary = figures(capsys.readouterr().out)
         assert summary["search"] == "pond, seed 3"
         assert summary["policy"] == "greedy-posterior"
@@ -220,7 +218,7 @@ class TestOptions:
             endurance=1500,
         )
         incident.save(tmp_path / "raft.json")
-        assert demo.main([str(tmp_path / "raft.json"), "--text"]) == 0
+        assert cli.main(["play", str(tmp_path / "raft.json"), "--text"]) == 0
         captured = capsys.readouterr()
         assert captured.err == ""
         assert captured.out.startswith("raft: PIW-1 at 54.1800° N, 7.8500° E, 2026-03-01 05:30 UTC")
@@ -229,7 +227,7 @@ class TestOptions:
         assert float(metres) == pytest.approx(2 * 20 * float(seconds), rel=0.01)
 
     def test_the_coverage_mission(self, tmp_path, capsys):
-        assert demo.main([search_file(tmp_path, mission="coverage"), "--text"]) == 0
+        assert cli.main(["play", search_file(tmp_path, mission="coverage"), "--text"]) == 0
         summary = figures(capsys.readouterr().out)
         success = summary["POS"].removesuffix(" (probability of success)")
         assert summary["outcome"].startswith(f"Probability of success {success} (the time limit")
@@ -240,7 +238,7 @@ def shown_as_text(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> list[Fram
     """The frames of an episode in the terminal."""
     shown: list[Frame] = []
     monkeypatch.setattr(demo, "print_frames", lambda frames, fps: shown.extend(frames))
-    assert demo.main(["--text", *arguments]) == 0
+    assert cli.main(["play", "--text", *arguments]) == 0
     return shown
 
 
@@ -256,14 +254,14 @@ class TestWindow:
             raise AssertionError("Enter closes the window at the end")
 
         shown = perform(monkeypatch, script)
-        assert demo.main(["--fps", "50"]) == 0
+        assert cli.main(["play", "--fps", "50"]) == 0
         assert "The target was found" in figures(capsys.readouterr().out)["outcome"]
         assert not pygame.display.get_init()
         assert shown[-1].ending is Ending.FOUND
 
     def test_quitting(self, capsys, monkeypatch):
         perform(monkeypatch, lambda player: iter(["escape"]))
-        assert demo.main([]) == 0
+        assert cli.main(["play"]) == 0
         assert figures(capsys.readouterr().out)["outcome"] == "stopped: you quit"
         assert not pygame.display.get_init()
 
@@ -278,7 +276,7 @@ class TestWindow:
                 sizes.append(surface and surface.get_size())
 
         perform(monkeypatch, script)
-        assert demo.main(["pond"]) == 0
+        assert cli.main(["play", "pond"]) == 0
         assert sizes[1] > sizes[0] == sizes[2]
 
     def test_the_reason_of_a_search_at_sea_is_below_the_map(self, tmp_path, monkeypatch):
@@ -291,7 +289,7 @@ class TestWindow:
         shown = perform(monkeypatch, script)
         monkeypatch.setattr(pygame.display, "get_desktop_sizes", lambda: [(1920, 1080)])
         for scale in (None, {"metres_per_cell": 150, "seconds_per_step": 10}):
-            demo.main([search_file(tmp_path, reason="A swimmer is missing.", scale=scale)])
+            cli.main(["play", search_file(tmp_path, reason="A swimmer is missing.", scale=scale)])
         assert {frame.scale for frame in shown} == {None, Scale(150, 10)}
         assert heights[1] > heights[0]
 
@@ -302,10 +300,10 @@ class TestWindow:
             yield from watch(player)
 
         shown = perform(monkeypatch, script)
-        assert demo.main(["--fps", "50", "--seed", "4"]) == 0
+        assert cli.main(["play", "--fps", "50", "--seed", "4"]) == 0
         reports = capsys.readouterr().out.split("\n\n")
         assert [figures(each)["search"][-6:] for each in reports] == ["seed 4", "seed 5"]
-        demo.main(["--text", "--seed", "5"])
+        cli.main(["play", "--text", "--seed", "5"])
         assert figures(reports[1])["steps"] == figures(capsys.readouterr().out)["steps"]
         assert shown[-1].step == int(figures(reports[1])["steps"].split()[0])
 
@@ -315,8 +313,8 @@ class TestWindow:
             raise KeyboardInterrupt
 
         perform(monkeypatch, script)
-        assert demo.main([]) == 130
-        assert capsys.readouterr().err == "\ninterrupted\n"
+        assert cli.main(["play"]) == 130
+        assert capsys.readouterr().err == "interrupted\n"
         assert not pygame.display.get_init()
 
 
@@ -324,7 +322,7 @@ class TestWindow:
 class TestManual:
     def test_keys_fly_drone_0(self, capsys, monkeypatch):
         shown = perform(monkeypatch, keys("right", "s", "space", "i", ".", "left", "w", "left"))
-        assert demo.main(["--manual"]) == 0
+        assert cli.main(["play", "--manual"]) == 0
         path = [frame.drones[0] for frame in shown]
         assert path == [(0, 0), (1, 0), *[(1, 1)] * 4, (0, 1), (0, 0)]
         assert [frame.searching[0] for frame in shown].index(True) == 3
@@ -338,7 +336,7 @@ class TestManual:
         shown = perform(monkeypatch, keys(*["right", "i", "left", "down", "i", "up"] * 4))
         crowd = {"grid_size": 4, "n_drones": 6, "drones_positions": [], "timestep_limit": 20}
         start = {"person_initial_position": [2, 2], "probability_of_detection": 0}
-        demo.main(["--manual", search_file(tmp_path, **crowd, **start)])
+        cli.main(["play", "--manual", search_file(tmp_path, **crowd, **start)])
         assert {frame.ending for frame in shown} == {None, Ending.TIME_LIMIT}
 
     def test_a_game_against_the_policies(self, tmp_path, capsys, monkeypatch):
@@ -350,13 +348,13 @@ class TestManual:
             results.update((name, last.step) for name, last in player.recording.scores)
 
         shown = perform(monkeypatch, script)
-        assert demo.main([path, "--manual", "--hide-person"]) == 0
+        assert cli.main(["play", path, "--manual", "--hide-person"]) == 0
         assert {frame.hide_persons for frame in shown if frame.ending is None} == {True}
         assert shown[-1].hide_persons is False
         capsys.readouterr()
         assert set(results) == {"you (drone 0)", *demo.RIVALS}
         for policy in demo.RIVALS:
-            assert demo.main([path, "--text", "--policy", policy]) == 0
+            assert cli.main(["play", path, "--text", "--policy", policy]) == 0
             steps = figures(capsys.readouterr().out)["steps"].split()[0]
             assert results[policy] == int(steps)
 
@@ -369,7 +367,7 @@ class TestVideo:
     def test_gif(self, short, tmp_path, capsys):
         image = pytest.importorskip("PIL.Image")
         video = tmp_path / "search.gif"
-        assert demo.main([short, "--record", str(video), "--fps", "10"]) == 0
+        assert cli.main(["play", short, "--record", str(video), "--fps", "10"]) == 0
         assert "search.gif" in capsys.readouterr().err
         with image.open(video) as gif:
             assert gif.width == 600
@@ -378,8 +376,5 @@ class TestVideo:
 
     def test_a_path_that_cannot_be_written(self, short, tmp_path, capsys):
         (tmp_path / "file").touch()
-        target = tmp_path / "file" / "video.gif"
-        with pytest.raises(SystemExit) as stop:
-            demo.main([short, "--record", str(target)])
-        assert stop.value.code == 1
-        assert capsys.readouterr().err.splitlines()[-1].startswith(f"cannot write {target}: ")
+        assert cli.main(["play", short, "--record", str(tmp_path / "file" / "video.gif")]) == 1
+        assert re.match(r".*video\.gif: \w+", capsys.readouterr().err.splitlines()[-1])

@@ -284,7 +284,6 @@ def test_actions_are_validated(returned, view, error, message):
         ({"seed": -1}, ValueError, "seed must be an integer of at least 0, got -1"),
         ({"view": 3}, TypeError, "view must be one of 'swarm', 'drone', 'parallel', got 3"),
         ({"policy": "ppo", "view": MASKED}, ValueError, "view must be .* without masks, for ppo"),
-        ({"ray": True}, TypeError, "ray must be 'local', an address or None, got True"),
         ({"policy": 4}, TypeError, "policy must be a policy's name or a callable .*, got 4"),
         ({"policy": "ppo", "view": FLAT}, ValueError, "view must be .* with observation='dict'"),
         ({"policy": DEFAULT_WEIGHTS, "view": "drone"}, ValueError, "view must be 'swarm' or"),

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import module_at, refusal
+from helpers import module_at
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario, Tracks
@@ -179,9 +179,7 @@ class TestCommand:
         export(policies, "pond", same, seeds=[0, 7], bayesian_update=True)
         assert path.read_bytes() == same.read_bytes()
 
-    def test_wrong_arguments_are_refused(self, capsys):
-        line = refusal(capsys, "export", "pond", "--out", "a.gif")
-        assert line.endswith("argument --out: must end in .json, got 'a.gif'")
+    def test_a_path_that_cannot_be_written_is_reported(self, capsys):
         nowhere = ["export", "pond", "--policies", "random", "--out", "/dev/null/a.json"]
         assert command.main(nowhere) == 1
         assert "/dev/null/a.json: " in capsys.readouterr().err

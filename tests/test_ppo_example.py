@@ -13,7 +13,6 @@ from trainer_examples import module
 from DroneSwarmSearch import Action, Drift, Person, Scenario
 from DroneSwarmSearch.policies.arrivals import INPUTS
 from DroneSwarmSearch.policies.ppo import Network
-from DroneSwarmSearch.training import ExpectedSearches
 
 torch = pytest.importorskip("torch")
 
@@ -23,7 +22,10 @@ def example() -> ModuleType:
     return module("train_ppo")
 
 
-def searches_of(limit: int = 20, detection: float = 0.7, count: int = 6) -> ExpectedSearches:
+ExpectedSearches: Any = module("expected_searches").ExpectedSearches
+
+
+def searches_of(limit: int = 20, detection: float = 0.7, count: int = 6) -> Any:
     person = Person([Drift((4, 4), vector=(0.3, -0.2), diffusion=0.3)], detection)
     scenario = Scenario(grid_size=9, n_drones=3, timestep_limit=limit, persons=[person])
     return ExpectedSearches([scenario] * count, [[(0, 0), (4, 7), (8, 1)]] * count)

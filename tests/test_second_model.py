@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from helpers import wandering
 from test_vector_engine import Twins
+from trainer_examples import module
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme, Scenario
 from DroneSwarmSearch.drift.model import DriftModel
@@ -22,9 +23,9 @@ from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.planning import success_bound
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
-from DroneSwarmSearch.training import ExpectedSearches
 from DroneSwarmSearch.vector import SwarmVectorEnv
 
+ExpectedSearches: Any = module("expected_searches").ExpectedSearches
 SIZE, LIMIT = 5, 12
 TRACKS = (
     ((0, 0), (1, 1), (3, 1), (3, 4), (4, 4)),

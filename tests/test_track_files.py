@@ -120,7 +120,7 @@ def test_positions_between_the_times_of_the_file(tmp_path: Path) -> None:
     x, y = tracks.positions[:, 0].T
     assert x[[0, 60, 180]] == pytest.approx([3, 5.79, 11.36], abs=0.01)
     np.testing.assert_allclose(np.diff(x), 8.36 / 180, atol=1e-4)
-    np.testing.assert_allclose(y, 4, atol=1e-4)
+    np.testing.assert_allclose(y, 4, atol=3e-3)  # a parallel is curved on the plane
 
 
 @given(

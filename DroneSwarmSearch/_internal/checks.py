@@ -5,7 +5,6 @@ Error messages name the parameter, state what is allowed and show the value.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import operator
 import warnings
@@ -110,15 +109,12 @@ def positive(name: str, value: object) -> float:
     return _finite(name, value, "a finite number above 0", math.ulp(0.0), math.inf)
 
 
-def _finite(name: str, value: object, what: str, low: float, high: float) -> float:
-    error: type[Exception] = TypeError
-    if is_number(value):
-        error = ValueError
-        with contextlib.suppress(OverflowError):
-            number = float(value)  # type: ignore[arg-type]
-            if math.isfinite(number) and low <= number <= high:
-                return number
-    raise error(f"{name} must be {what}, got {value!r:.100}")
+def _finite(name: str, value: Any, what: str, low: float, high: float) -> float:
+    if not is_number(value):
+        raise TypeError(f"{name} must be {what}, got {value!r:.100}")
+    if not (math.isfinite(value) and low <= value <= high):
+        raise ValueError(f"{name} must be {what}, got {value!r:.100}")
+    return float(value)
 
 
 def items(name: str, value: object, what: str) -> list[object]:

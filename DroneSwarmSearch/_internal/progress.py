@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import time
+from datetime import timedelta
 
 SILENT = 2.0  # seconds before anything is shown
 REDRAW_EVERY, LINES_EVERY = 0.2, 30.0  # seconds, on a terminal and elsewhere
@@ -41,8 +42,8 @@ class Progress:
             return
         self._last = now
         share = min(done / self._total, 1.0)
-        left = _left((now - self._start) * (1 / share - 1)) if share else "time left unknown"
-        text = f"{share:.0%}, {left}"
+        left = (now - self._start) * (1 / share - 1) if share else 0.0
+        text = f"{share:.0%}, {timedelta(seconds=round(left)) if share else 'unknown time'} left"
         if is_terminal:
             self._has_bar = True
             bar = f"[{'#' * round(share * WIDTH):{WIDTH}}]"
@@ -50,11 +51,3 @@ class Progress:
             print(f"\r{line}\x1b[K", end="", file=sys.stderr, flush=True)
         else:
             print(f"{self._what}: {text}", file=sys.stderr, flush=True)
-
-
-def _left(seconds: float) -> str:
-    """The time left, in words."""
-    left = max(round(seconds), 0)
-    if left >= 3600:
-        return f"about {left // 3600} h {left % 3600 // 60:02} min left"
-    return f"about {left // 60} min {left % 60:02} s left" if left >= 60 else f"about {left} s left"

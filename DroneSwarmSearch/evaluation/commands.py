@@ -1,4 +1,4 @@
-"""The commands except `play`; `cli` parses their arguments."""
+"""The commands; `cli` parses their arguments."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from DroneSwarmSearch import policies
+from DroneSwarmSearch import demo, policies
 from DroneSwarmSearch._internal.errors import printed_warnings
-from DroneSwarmSearch._internal.files import StorageError
 from DroneSwarmSearch.evaluation import board, exporting, recording, suite
 from DroneSwarmSearch.evaluation.results import Evaluation, csv_text, save_csv
 from DroneSwarmSearch.evaluation.run import bounds_of, check_names, manifest
@@ -20,6 +19,7 @@ from DroneSwarmSearch.evaluation.run_folder import RunFolder, file_name
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table
 from DroneSwarmSearch.evaluation.view import View
+from DroneSwarmSearch.incident import command
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rules import Ending
 
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     """Run a command and return its exit code; errors that this package raises take one line."""
     code = FAILED
     try:
-        (options.action or _COMMANDS[options.command])(options)
+        _COMMANDS[options.command](options)
         return 0
     except KeyboardInterrupt:
         reason, code = "interrupted", INTERRUPTED
@@ -39,16 +39,13 @@ def run(options: argparse.Namespace) -> int:
         return FAILED  # the reader of stdout has gone
     except ImportError as error:
         reason = str(error)
-    except StorageError as error:
-        reason = f"{error.filename}: {error.strerror}"
-    except (OSError, TypeError, ValueError) as error:
+    except OSError as error:
+        reason = f"{error.filename or 'cannot write the output'}: {error.strerror}"
+    except (TypeError, ValueError) as error:
         *_, (innermost, _) = traceback.walk_tb(error.__traceback__)
         if not Path(innermost.f_code.co_filename).is_relative_to(PACKAGE):
             raise
-        if isinstance(error, OSError):
-            reason = f"cannot write the output: {error.strerror}"
-        else:
-            options.parser.error(str(error).replace("path must ", "argument --out: must ", 1))
+        options.parser.error(str(error))
     if "workers" in options and options.out is not None:
         reason += f"; finished results are kept in {options.out}, and the same command resumes"
     print(reason, file=sys.stderr)
@@ -115,6 +112,8 @@ def _export(options: argparse.Namespace) -> None:
 
 
 _COMMANDS = {
+    "play": demo.run,
+    "plan": command.run,
     "evaluate": _evaluate,
     "leaderboard": _leaderboard,
     "bound": _bound,

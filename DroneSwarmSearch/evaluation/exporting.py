@@ -23,8 +23,6 @@ from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
-SUFFIX = ".json"
-
 
 def export(
     policies: Iterable[object],
@@ -71,8 +69,6 @@ def export(
         OSError: the file cannot be written.
         TypeError, ValueError: an argument is invalid.
     """
-    if Path(path).suffix.lower() != SUFFIX:
-        raise ValueError(f"path must end in {SUFFIX}, got {str(path)!r:.100}")
     where = as_named(search).with_posterior(bayesian_update)
     specs = [PolicySpec.of(policy) for policy in policies]
     numbers = [checks.integer("seeds", seed, 0) for seed in seeds]

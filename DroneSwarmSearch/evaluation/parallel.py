@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -14,32 +14,26 @@ from DroneSwarmSearch._internal.progress import Progress
 
 def finished(
     calls: Sequence[partial[Any]], what: str, workers: int, ray: str | None, progress: bool
-) -> Iterator[tuple[int, Any]]:
-    """Make calls, show their progress, and yield the place and the result of each as it finishes.
+) -> Iterator[Any]:
+    """Make calls, show their progress, and yield their results in order.
 
     `workers` and `ray` are those of `evaluate`; calls elsewhere are pickled, and Ray's results come
     at the end.
     """
     count = checks.integer("workers", workers, 1)
-    if ray is not None and not isinstance(ray, str):
-        raise TypeError(f"ray must be 'local', an address or None, got {ray!r:.100}")
     with Progress(what, len(calls), progress) as bar, contextlib.ExitStack() as stack:
-        results: Any = ((place, call()) for place, call in enumerate(calls))
+        results: Any = (call() for call in calls)
         if calls and (ray is not None or count > 1):
             joblib = _imported("joblib", "workers > 1 needs the package joblib", "evaluation")
-            options: dict[str, Any] = {"n_jobs": count, "return_as": "generator_unordered"}
+            options: dict[str, Any] = {"n_jobs": count, "return_as": "generator"}
             if ray is not None:
                 stack.enter_context(_ray_backend(joblib, ray))
                 options = {"n_jobs": -1, "return_as": "list"}
             run = joblib.Parallel(batch_size=1, **options)
-            results = run(joblib.delayed(_numbered)(*each) for each in enumerate(calls))
+            results = run(joblib.delayed(call)() for call in calls)
         for done, result in enumerate(results, 1):
             bar(done)
             yield result
-
-
-def _numbered(place: int, call: Callable[[], Any]) -> tuple[int, Any]:
-    return place, call()
 
 
 @contextlib.contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from statistics import fmean
@@ -119,12 +120,12 @@ def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
 
 def _looks(evaluations: Iterable[Evaluation]) -> dict[str, tuple[str, str]]:
     """The colour and the marker of each policy, in order of first appearance."""
-    names = list(dict.fromkeys(each.policy for each in evaluations))
-    others = [name for name in names if name not in POLICIES]
-    spare = len(MARKERS) - len(POLICIES)
-    places = {name: len(POLICIES) + place % spare for place, name in enumerate(others)}
-    places |= {name: place for place, name in enumerate(POLICIES)}
-    return {name: (f"C{places[name]}", MARKERS[places[name]]) for name in names}
+    others = itertools.cycle(range(len(POLICIES), len(MARKERS)))
+    looks = {}
+    for name in dict.fromkeys(each.policy for each in evaluations):
+        place = POLICIES.index(name) if name in POLICIES else next(others)
+        looks[name] = f"C{place}", MARKERS[place]
+    return looks
 
 
 def _measure(evaluations: Iterable[Evaluation], rescue: str, coverage: str) -> str:

@@ -24,25 +24,24 @@ class PolicySpec:
     """A policy to be evaluated; make one with `PolicySpec.of`.
 
     `source` is the policy as given, and the SHA-256 of its file, for manifests; None for one in
-    memory. `policy` is a file of weights, a class that takes a `Scenario`, or a callable.
+    memory. `policy` is a class that takes a `Scenario`, and `arguments`, or a callable.
     """
 
     name: str
     source: Mapping[str, str] | None
-    policy: str | Callable[..., Any]
+    policy: Any
+    arguments: tuple[str, ...] = ()
 
     @property
     def kind(self) -> type:
         """The class of the policy's objects, or of the callable."""
-        policy: Any = PPOPolicy if isinstance(self.policy, str) else self.policy
-        kind: type = policy if inspect.isclass(policy) else type(policy)
-        return kind
+        return self.policy if inspect.isclass(self.policy) else type(self.policy)
 
     @classmethod
     def of(cls, policy: object, name: str | None = None) -> PolicySpec:
         """Make a spec from a policy as for `evaluate`; a string may begin with "name=".
 
-        Raises ImportError, TypeError or ValueError if there is no such policy.
+        Raises ImportError, OSError, TypeError or ValueError if there is no such policy.
         """
         if isinstance(policy, PolicySpec):
             return policy
@@ -56,11 +55,12 @@ class PolicySpec:
             return cls(name or str(own_name), None, policy)
         if name is None and (named := re.match(r"([\w-]+)=", policy)):
             return cls.of(policy[named.end() :], named[1])
-        found: str | Callable[..., Any]
+        found: Any
         file: str | None
+        arguments: tuple[str, ...] = ()
         if policy.endswith(".npz"):
-            Network.load(_existing(policy))
-            found, file = policy, policy
+            Network.load(policy)
+            found, file, arguments = PPOPolicy, policy, (policy,)
         elif ":" in policy:
             found, file = _imported(policy)
         elif policy in POLICIES:
@@ -76,16 +76,13 @@ class PolicySpec:
         source = {"policy": policy}
         if file is not None:
             source["sha256"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
-        return cls(name or policy, source, found)
+        return cls(name or policy, source, found, arguments)
 
     def make(self, scenario: Scenario) -> Callable[..., Any]:
         """Make the policy for a search with the given scenario."""
-        if isinstance(self.policy, str):
-            return PPOPolicy(scenario, self.policy)
-        if not inspect.isclass(self.policy):
-            return self.policy
-        kind: Any = self.policy
-        made: Callable[..., Any] = kind(scenario)
+        made: Callable[..., Any] = self.policy
+        if self.kind is self.policy:
+            made = self.policy(scenario, *self.arguments)
         return made
 
 
@@ -94,7 +91,7 @@ def _imported(text: str) -> tuple[Callable[..., Any], str | None]:
     where, _, attribute = text.rpartition(":")
     found: Any
     if where.endswith(".py"):
-        path = _existing(where)
+        path = Path(where)
         sys.path.insert(0, str(path.parent.resolve()))  # as when Python runs the file
         # Workers cannot import the module, so joblib pickles its content with the policy.
         found = runpy.run_path(where, run_name=f"_policy_{path.stem}").get(attribute)
@@ -105,11 +102,3 @@ def _imported(text: str) -> tuple[Callable[..., Any], str | None]:
     if not callable(found):
         raise ValueError(f"policy must name a callable, but {where} has none called {attribute!r}")
     return found, file
-
-
-def _existing(where: str) -> Path:
-    path = Path(where)
-    if not path.is_file():
-        wrong = "is a folder" if path.is_dir() else "does not exist"
-        raise ValueError(f"policy must name a file, but {where!r:.100} {wrong}")
-    return path

@@ -213,15 +213,13 @@ class _Stage:
         entries = shown["observation"] if self._view.action_mask else shown
         matrix = entries["probability_matrix"][0]
         matrix.flags.writeable = False
-        cells = map(tuple, entries["positions"][0].tolist())
-        seen: dict[str, Any] = {
-            name: {"observation": (cell, matrix)}
-            for name, cell in zip(self._names, cells, strict=True)
-        }
-        if not self._view.action_mask:
-            return seen
-        masks = dict(zip(self._names, shown["action_mask"][0], strict=True))
-        return {name: {"observation": seen[name], "action_mask": masks[name]} for name in seen}
+        seen: dict[str, Any] = {}
+        for drone, cell in enumerate(entries["positions"][0].tolist()):
+            own: dict[str, Any] = {"observation": (tuple(cell), matrix)}
+            if self._view.action_mask:
+                own = {"observation": own, "action_mask": shown["action_mask"][0, drone]}
+            seen[self._names[drone]] = own
+        return seen
 
     def _read(self, actions: Any, n: int) -> Ints:
         drones = len(self._names)

@@ -148,19 +148,20 @@ def evaluate_cases(
             done[case] = known
     left = [case for case in cases if case not in done]
     # Policies are prepared first, each once.
-    preparing = finished([partial(_prepared, case) for case in left], "policies", *how)
-    policies = {left[place]: policy for place, policy in preparing}
-    jobs = [(case, seeds) for case in left for seeds in portions]
-    calls = [partial(_play, policies[case], case, seeds) for case, seeds in jobs]
-    played: dict[Case, dict[int, Episodes]] = {case: {} for case in left}
-    for job, part in finished(calls, "evaluation", *how):
-        case, seeds = jobs[job]
-        played[case][seeds.start] = part
-        if len(played[case]) == len(portions):
-            parts = played.pop(case)
-            whole = Episodes.joined([parts[each.start] for each in portions])
+    policies = [*finished([partial(_prepared, case) for case in left], "policies", *how)]
+    calls = [
+        partial(_play, policy, case, seeds)
+        for case, policy in zip(left, policies, strict=True)
+        for seeds in portions
+    ]
+    parts: list[Episodes] = []
+    for job, part in enumerate(finished(calls, "evaluation", *how)):
+        parts.append(part)
+        if len(parts) == len(portions):
+            case, whole = left[job // len(portions)], Episodes.joined(parts)
             done[case] = whole.with_common_curve() if case.is_exact else whole
             folder.save(case.label, done[case])
+            parts = []
     return [
         Evaluation(
             *(case.spec.name, case.search, seed, case.view, done[case], case.is_exact),
@@ -178,9 +179,9 @@ def bounds_of(
     bounds = {name: bound for name, bound in known.items() if bound is not None}
     left = [each for each in searches if each.name not in bounds]
     calls = [partial(success_bound, each.scenario, each.drones) for each in left]
-    for job, bound in finished(calls, "bounds", *how):
-        bounds[left[job].name] = bound
-        folder.save(f"{left[job].name}.bound", bound)
+    for each, bound in zip(left, finished(calls, "bounds", *how), strict=True):
+        bounds[each.name] = bound
+        folder.save(f"{each.name}.bound", bound)
     return bounds
 
 

@@ -117,8 +117,6 @@ def search(name: str) -> NamedSearch:
     """
     if name.endswith(".json"):
         path = Path(name)
-        if not path.is_file():
-            raise ValueError(f"search must name a file, but there is no {name!r:.100}")
         try:
             data = _read(path)
             if "swath" in data:

@@ -5,6 +5,5 @@ The module is independent of any RL library.
 
 from DroneSwarmSearch.training.comparison import TRAINING_TASK, compare_with_baselines
 from DroneSwarmSearch.training.curve import log_row, plot_curve
-from DroneSwarmSearch.training.expected_searches import ExpectedSearches
 
-__all__ = ["TRAINING_TASK", "ExpectedSearches", "compare_with_baselines", "log_row", "plot_curve"]
+__all__ = ["TRAINING_TASK", "compare_with_baselines", "log_row", "plot_curve"]

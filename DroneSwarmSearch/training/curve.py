@@ -67,9 +67,6 @@ def read_columns(path: str | Path) -> dict[str, Floats]:
 
 def moving_mean(values: Floats) -> Floats:
     """The mean over a trailing window, one twentieth of all values wide: shape (n,)."""
-    width = max(1, math.ceil(len(values) / 20))
-    sums = np.concatenate([np.zeros(1), np.cumsum(values)])
-    last = np.arange(1, len(values) + 1)
-    first = np.maximum(last - width, 0)
-    means: Floats = (sums[last] - sums[first]) / (last - first)
-    return means
+    width, n = max(1, math.ceil(len(values) / 20)), len(values)
+    sums: Floats = np.convolve(values, np.ones(width))[:n]
+    return sums / np.minimum(np.arange(1, n + 1), width)

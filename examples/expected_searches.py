@@ -1,8 +1,9 @@
-"""Searches in expectation: nobody is found, and each search pays its probability of success.
+"""Searches in expectation, on which train_ppo.py trains.
 
-With one person, everything before the find follows from the drones' actions. What a search
-removes from the unnormalised belief is the probability that it finds the person then. These
-rewards add up to the episode's probability of success; with several persons, the mean over them.
+Nobody is found, and each search pays its probability of success. With one person, everything
+before the find follows from the drones' actions. What a search removes from the unnormalised
+belief is the probability that it finds the person then. These rewards add up to the episode's
+probability of success; with several persons, the mean over them.
 """
 
 from __future__ import annotations
@@ -11,9 +12,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch._internal.arrays import Floats, Integers, Singles
 from DroneSwarmSearch.drift.model import forecasts_of
 from DroneSwarmSearch.policies.arrivals import STEPS, Arrivals
 from DroneSwarmSearch.rules import Action, neighbours_of_all
@@ -54,7 +54,9 @@ class ExpectedSearches:
             )
         [(self.grid_size, self.n_drones, self.timestep_limit)] = sizes
         places = zip(scenarios, np.asarray(drones_positions), strict=True)
-        self.cells: Integers = np.array([each.drone_cells(positions) for each, positions in places])
+        self.cells: NDArray[np.integer] = np.array(
+            [each.drone_cells(positions) for each, positions in places]
+        )
         self.step, self.found = 0, np.zeros(len(scenarios))
         self._detections = np.array([each.detections[0] for each in scenarios], np.float32)
         self._arrivals = Arrivals(self.grid_size, self.n_drones)
@@ -83,11 +85,11 @@ class ExpectedSearches:
         self._forecasts.drift(beliefs, step * self._forecasts.count + self._numbers)
 
     @property
-    def positions(self) -> Integers:
+    def positions(self) -> NDArray[np.integer]:
         """Every drone's (x, y), shape (searches, n, 2)."""
         return np.stack([self.cells % self.grid_size, self.cells // self.grid_size], -1)
 
-    def inputs(self) -> Singles:
+    def inputs(self) -> NDArray[np.float32]:
         """What every drone observes, see `Arrivals`: float32, shape (searches, n, INPUTS)."""
         remaining = self.timestep_limit - self.step
         steps = self._arrivals.steps(remaining)
@@ -103,7 +105,7 @@ class ExpectedSearches:
             ahead, self.positions, np.full(count, remaining), self.timestep_limit, self._detections
         )
 
-    def advance(self, actions: Integers) -> Floats:
+    def advance(self, actions: NDArray[np.integer]) -> NDArray[np.float64]:
         """Advance all searches by one step; drones must neither collide nor leave the grid.
 
         Args:
