@@ -9,7 +9,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
-from DroneSwarmSearch.actions import Reader, checked_actions
+from DroneSwarmSearch.actions import checked_actions, read_actions
 from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Episodes
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.view import View
@@ -225,7 +225,8 @@ class _Stage:
         drones = len(self._names)
         if self._view.form == "parallel":
             cells = self._batch.cells[0].tolist()
-            return np.array([[*Reader(self._names)(actions, self._neighbours, cells)[0]]])
+            chosen, _ = read_actions(actions, self._names, self._neighbours, cells)
+            return np.array([[*chosen]])
         if isinstance(actions, Mapping):
             raise TypeError(
                 f"actions must be an array of integers, got {actions!r:.200}; "
