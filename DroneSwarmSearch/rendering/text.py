@@ -101,11 +101,11 @@ def _hypotheses(frame: Frame) -> str:
     ]
     if len(weights) == 1:
         return weights[0]
-    persons = frame.shown_uncertain_persons
+    persons = frame.uncertain_persons
     parts = [f"person {person} {weights[person]}" for person in persons[:PERSONS_NAMED]]
     if len(persons) > PERSONS_NAMED:
         parts.append(f"{len(persons) - PERSONS_NAMED} more persons")
-    return " | ".join(parts) or "none"
+    return " | ".join(parts)
 
 
 def _tokens(frame: Frame) -> dict[tuple[int, int], str]:
