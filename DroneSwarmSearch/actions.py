@@ -16,36 +16,24 @@ _ACTIONS = len(Action)
 _STAYING = bytes((Action.SEARCH, Action.IDLE))
 
 
-class Reader:
-    """Reads the actions of a step for drones of these names."""
-
-    def __init__(self, names: tuple[str, ...]) -> None:
-        self._names = names
-
-    def __call__(
-        self, actions: Mapping[str, int], neighbours: Neighbours, cells: list[int]
-    ) -> tuple[bytes, list[int]]:
-        """Each drone's action and target cell; `cells` themselves if no drone moves."""
-        try:
-            if len(actions) != len(cells):
-                raise TypeError
-            picked = [*map(actions.__getitem__, self._names)]
-            # bytes() accepts all kinds of integers from 0 to 255, and nothing else; but bool
-            # is a kind of integer too, 0 or 1.
-            chosen = bytes(picked)
-            if not chosen.strip(_STAYING):
-                return chosen, cells
-            if bool in map(type, picked):
-                raise TypeError
-            return chosen, [*map(getitem, map(neighbours.__getitem__, cells), chosen)]
-        except Exception:
-            return _refuse(actions, self._names)
-
-
-def check_agent(agent: object, names: Sequence[str]) -> None:
-    """ValueError if an agent is not one of the drones."""
-    if agent not in names:
-        raise ValueError(f"agent must be one of {_range(names)}, got {agent!r}")
+def read_actions(
+    actions: Mapping[str, int], names: tuple[str, ...], neighbours: Neighbours, cells: list[int]
+) -> tuple[bytes, list[int]]:
+    """Each drone's action and target cell; `cells` themselves if no drone moves."""
+    try:
+        if len(actions) != len(cells):
+            raise TypeError
+        picked = [*map(actions.__getitem__, names)]
+        # bytes() accepts all kinds of integers from 0 to 255, and nothing else; but bool is a
+        # kind of integer too, 0 or 1.
+        chosen = bytes(picked)
+        if not chosen.strip(_STAYING):
+            return chosen, cells
+        if bool in map(type, picked):
+            raise TypeError
+        return chosen, [*map(getitem, map(neighbours.__getitem__, cells), chosen)]
+    except Exception:
+        return _refuse(actions, names)
 
 
 def _refuse(actions: object, names: tuple[str, ...]) -> NoReturn:

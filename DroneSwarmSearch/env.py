@@ -15,7 +15,7 @@ from pettingzoo.utils.wrappers import AssertOutOfBoundsWrapper, OrderEnforcingWr
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.streams import Streams
-from DroneSwarmSearch.actions import Reader
+from DroneSwarmSearch.actions import read_actions
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drones import Drones
 from DroneSwarmSearch.frame import Frame
@@ -154,7 +154,6 @@ class DroneSwarmSearch(SearchSpaces):
         self.possible_agents = [f"drone{i}" for i in range(self.n_drones)]
         self.agents: list[str] = []
         self._names = tuple(self.possible_agents)
-        self._read = Reader(self._names)
         self._neighbours, self._positions = grid_of(self.grid_size)
         self._flags = [dict.fromkeys(self._names, value) for value in (False, True)]
         self._streams: Streams | None = None
@@ -272,7 +271,7 @@ class DroneSwarmSearch(SearchSpaces):
             )
         drones, world = self._drones, self._world
         # 1. All drones move or search.
-        chosen, targets = self._read(actions, self._neighbours, drones.cells)
+        chosen, targets = read_actions(actions, self._names, self._neighbours, drones.cells)
         # There are no agents until the step is complete, see `reset`.
         agents, self.agents = self.agents, []
         # 2. Outcomes, rewards and the ending.

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal.arrays import Flags, Ints, Singles
-from DroneSwarmSearch.actions import check_agent
 from DroneSwarmSearch.mappings import Facts, Infos, SuccessInfos
 from DroneSwarmSearch.rules import Action, is_success
 from DroneSwarmSearch.scenario import Cell, Scenario
@@ -93,12 +92,10 @@ class SearchSpaces(ParallelEnv[str, Observation, int]):
         A Dict with one entry, "observation": a Tuple of the drone's (x, y), each Discrete(N),
         and the matrix, float32 in [0, 1] of shape (N, N), indexed [y, x].
         """
-        check_agent(agent, self.possible_agents)
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Discrete:
         """Discrete(6), see `rules.Action`; the same object at every call."""
-        check_agent(agent, self.possible_agents)
         return self.action_spaces[agent]
 
     @cached_property

@@ -96,8 +96,7 @@ class Scenario:
         if values["mission"] == "coverage" and self.reward_scheme == RewardScheme():
             values["reward_scheme"] = RewardScheme.expected()
         if self.persons is not None:
-            limit = self.timestep_limit
-            values["persons"] = checked_persons("persons", self.persons, size, limit)
+            values["persons"] = _persons(self.persons, size, self.timestep_limit)
             for name in REPLACED:
                 if values[name] != getattr(Scenario, name):
                     raise ValueError(
@@ -139,12 +138,12 @@ class Scenario:
             TypeError: `data` is not a mapping, or a value is of the wrong type.
             ValueError: a value is out of its limits, or there is no such parameter.
         """
-        if not isinstance(data, Mapping):
-            raise TypeError(f"data must be a mapping of parameters, got {data!r}")
-        _check_names("a scenario has the parameters", data, cls)
+        known = [each.name for each in fields(cls)]
+        for name in data:
+            if name not in known:
+                raise ValueError(f"a scenario has the parameters {', '.join(known)}, got {name!r}")
         scheme = data.get("reward_scheme", RewardScheme())
         if isinstance(scheme, Mapping):
-            _check_names("reward_scheme has the figures", scheme, RewardScheme)
             scheme = RewardScheme(**scheme)
         persons = data.get("persons")
         if persons is not None and not isinstance(persons, Person):
@@ -215,18 +214,17 @@ class Scenario:
             first_at[cell] = drone
         return [y * size + x for x, y in first_at]
 
-    def drone_cells_of_rows(self, drones_positions: object, rows: int) -> Ints:
+    def drone_cells_of_rows(self, drones_positions: Any, rows: int) -> Ints:
         """`drone_cells`, (rows, n_drones), of (n_drones, 2) or (rows, n_drones, 2) numbers."""
-        name, n = "drones_positions", self.n_drones
-        given = checks.numbers(name, drones_positions, f"{n} cells (x, y), one for each drone")
-        if given.ndim < 3:
+        if np.ndim(drones_positions) < 3:
             return np.tile(np.array(self.drone_cells(drones_positions), np.int64), (rows, 1))
-        if given.shape != (rows, n, 2):
+        if len(drones_positions) != rows:
             raise ValueError(
-                f"{name} must have the shape {(n, 2)}, or {(rows, n, 2)} with cells for each "
-                f"search; got {given.shape}"
+                f"drones_positions must hold cells for each of {rows} searches, "
+                f"got them for {len(drones_positions)}"
             )
-        return np.array([self.drone_cells(each, f"{name}[{k}]") for k, each in enumerate(given)])
+        pairs = enumerate(drones_positions)
+        return np.array([self.drone_cells(each, f"drones_positions[{k}]") for k, each in pairs])
 
 
 def checked_scenario(scenario: object) -> Scenario:
@@ -258,32 +256,23 @@ def is_default(name: str, value: Any) -> bool:
         return False
 
 
-def _check_names(what: str, given: Mapping[str, Any], made: type[Any]) -> None:
-    known = [each.name for each in fields(made)]
-    for name in given:
-        if name not in known:
-            raise ValueError(f"{what} {', '.join(known)}, got {name!r}")
-
-
-def checked_persons(
-    name: str, value: object, grid_size: int, timestep_limit: int
-) -> tuple[Person, ...]:
+def _persons(value: object, grid_size: int, timestep_limit: int) -> tuple[Person, ...]:
     """Validate persons: one `Person`, or a sequence of them, who fit the grid and the limit."""
     what = "a Person or a sequence of them"
-    persons = [value] if isinstance(value, Person) else checks.items(name, value, what)
+    persons = [value] if isinstance(value, Person) else checks.items("persons", value, what)
     if not persons:
-        raise ValueError(f"{name} must hold at least one Person, got {value!r}")
+        raise ValueError(f"persons must hold at least one Person, got {value!r}")
     checked = []
     for index, person in enumerate(persons):
         if not isinstance(person, Person):
-            raise TypeError(f"{name}[{index}] must be a Person, got {person!r}")
-        person.check_grid(grid_size, f"{name}[{index}]")
+            raise TypeError(f"persons[{index}] must be a Person, got {person!r}")
+        person.check_grid(grid_size, f"persons[{index}]")
         if person.tracks is not None:
             most = person.tracks.steps - len(person.searched)
             if most < timestep_limit:
                 raise ValueError(
                     f"timestep_limit must be at most {most}, the steps of the tracks of "
-                    f"{name}[{index}], got {timestep_limit}"
+                    f"persons[{index}], got {timestep_limit}"
                 )
         checked.append(person)
     return tuple(checked)

@@ -104,14 +104,6 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
         """`observation_space` of every drone."""
         return {agent: self.observation_space(agent) for agent in self._names}
 
-    def _refuse_masks(self) -> None:
-        inner = self.env.observation_space(self._names[0])
-        if isinstance(inner, spaces.Dict) and "action_mask" in inner.spaces:
-            raise ValueError(
-                "env must not have masks in its observations; put "
-                f"ActionMask(in_observation=True) around {type(self).__name__}, got {self.env}"
-            )
-
     def _drones(self) -> NDArray[np.int32]:
         """Every drone's (x, y), shape (n, 2)."""
         cells, _ = self._search._cells_and_world()
@@ -122,14 +114,13 @@ class LayoutObservation(SearchWrapper):
     """Replaces each drone's observation by a layout of the current state.
 
     Every observation is a new array, equal to that of `DroneVectorEnv` bit for bit. Changes that
-    inner wrappers made to the observations are lost; ValueError if these hold masks.
+    inner wrappers made to the observations are lost, so put `ActionMask` around this wrapper.
     """
 
     def __init__(
         self, env: ParallelEnv[str, Any, int], layout: type[Layout], **options: Any
     ) -> None:
         super().__init__(env)
-        self._refuse_masks()
         self.layout = layout(self._search.grid_size, self._search.n_drones, **options)
         self._spaces = {agent: deepcopy(self.layout.space) for agent in self._names}
 
@@ -235,22 +226,16 @@ class OtherDrones(SearchWrapper):
     """Adds the positions of the other drones to each drone's observation.
 
     `observation["other_drones"]` is int32, shape (n_drones - 1, 2): the (x, y) of every
-    other drone, in the order of their names. The observations of `env` must be its own or those of
-    `DictObservation`; ValueError otherwise.
+    other drone, in the order of their names. The observations of `env` must be dicts: its own, or
+    those of `DictObservation`.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
         super().__init__(env)
         n, size = self._search.n_drones, self._search.grid_size
         self._others = own_first(n)[:, 1:]
-        self._refuse_masks()
         for agent in self._names:
-            inner = env.observation_space(agent)
-            if not isinstance(inner, spaces.Dict) or "other_drones" in inner.spaces:
-                raise ValueError(
-                    "env must not show the other drones already, as all layouts but "
-                    f"DictObservation do, got observations in {inner}"
-                )
+            inner: Any = env.observation_space(agent)
             others = spaces.Box(0, size - 1, (n - 1, 2), np.int32)
             self._spaces[agent] = spaces.Dict({**inner.spaces, "other_drones": others})
 
@@ -275,7 +260,6 @@ class ScaledRewards(SearchWrapper):
         self.scale = checks.positive("scale", scale)
 
     def step(self, actions: Mapping[str, int]) -> Step:
-        """Let every drone act once."""
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
         scale = self.scale
         scaled = Rewards({agent: reward * scale for agent, reward in rewards.items()})
@@ -292,7 +276,6 @@ class SeparateFlags(SearchWrapper):
     """
 
     def step(self, actions: Mapping[str, int]) -> Step:
-        """Let every drone act once."""
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
         if any(terminations.values()) or any(truncations.values()):
             is_truncated = self._search._ending is Ending.TIME_LIMIT

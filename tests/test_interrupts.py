@@ -161,7 +161,8 @@ def seen(batch: SearchBatch, steps: int = 7) -> list[Any]:
     matrices = np.empty((batch.num_rows, 4, 4), np.float32)
     log = []
     for _ in range(steps):
-        batch.step(rng.choice([1, 2, 3, 4, 4, 4, 5], (batch.num_rows, 2)), matrices)
+        batch.step(rng.choice([1, 2, 3, 4, 4, 4, 5], (batch.num_rows, 2)))
+        batch.write_matrices(matrices)
         log.append(plain([matrices, batch.rewards, batch.endings, batch.person_cells, batch.steps]))
     return log
 

@@ -44,7 +44,7 @@ def play_batch(
     taken: list[list[list[int]]] = [[] for _ in range(batch.num_rows)]
     endings = np.zeros(batch.num_rows, np.int8)
     while len(live := np.flatnonzero(endings == 0)):
-        actions = np.full((batch.num_rows, batch.scenario.n_drones), int(Action.IDLE))
+        actions = np.full((batch.num_rows, batch.scenario_of(0).n_drones), int(Action.IDLE))
         actions[live] = policy(shown(batch, live))
         batch.step(actions)
         endings[live] = batch.endings[live]
@@ -111,7 +111,7 @@ def test_a_batch_gets_the_same_actions_as_single_searches(
         **persons,
     }
     batch = SearchBatch(2 if name in LONG else 4, **search)
-    taken, endings = play_batch(make(name, batch.scenario), batch, 11)
+    taken, endings = play_batch(make(name, batch.scenario_of(0)), batch, 11)
     assert Ending.COLLISION not in endings
     env = DroneSwarmSearch(**search)
     policy = make(name, env.scenario)
@@ -134,7 +134,7 @@ def test_copies_continue_identically_and_independently(name: str) -> None:
     batch = SearchBatch(
         4, grid_size=6, n_drones=2, person_initial_position=persons, timestep_limit=16
     )
-    policy = make(name, batch.scenario)
+    policy = make(name, batch.scenario_of(0))
     batch.reset(seeds=range(4))
     rows = np.arange(4)
     for _ in range(5):
@@ -158,7 +158,7 @@ def test_no_drone_ever_collides_or_leaves_the_grid(name: str) -> None:
         starts = st.permutations([(x, y) for y in range(size) for x in range(size)])
         positions = np.array([data.draw(starts)[:drones] for _ in range(2)])
         batch = SearchBatch(2, drones_positions=positions, **search)
-        _, endings = play_batch(make(name, batch.scenario), batch, drones)
+        _, endings = play_batch(make(name, batch.scenario_of(0)), batch, drones)
         assert set(endings) <= {Ending.FOUND, Ending.TIME_LIMIT}
 
     whole_episodes()

@@ -102,7 +102,6 @@ def test_what_is_not_sampled_is_as_the_batch_was_given_it() -> None:
 
 
 BAD_SAMPLES: list[tuple[Any, type[Exception], str]] = [
-    (None, TypeError, "sampler must return a mapping, got None"),
     ({"timestep_limit": 5}, ValueError, "'timestep_limit'"),
     ({"vector": (0, NAN)}, ValueError, "vector"),
     ({PERSON: [(0, 0), (1, 1)]}, ValueError, "sampler must return 1 persons"),
@@ -154,17 +153,3 @@ def test_samplers_are_refused_together_with_what_they_draw() -> None:
     batch = SearchBatch(3, sampler=sampler)
     with pytest.raises(ValueError, match="situations cannot be given together with a sampler"):
         batch.reset(situations=[[Person(each.drifts) for each in CATALOGUE[0]]])
-
-
-def test_what_is_no_sampler_is_refused_at_once() -> None:
-    with pytest.raises(TypeError, match="sampler must be callable, or None, got 5"):
-        SwarmVectorEnv(2, sampler=5)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("cells", "error"), [([49], ValueError), ([-1], ValueError), ([0.5], TypeError)]
-)
-def test_the_probability_of_no_cell_is_refused(cells: list[Any], error: type[Exception]) -> None:
-    batch = SearchBatch(2)
-    with pytest.raises(error, match="cells must be an integer from 0 to 48"):
-        batch.probabilities([1], cells)

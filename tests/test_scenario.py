@@ -95,10 +95,9 @@ def test_dicts_round_trip(parameters):
 @pytest.mark.parametrize(
     ("data", "error", "message"),
     [
-        ([], TypeError, "data must be a mapping"),
         ({"gird_size": 9}, ValueError, r"parameters grid_size, .* got 'gird_size'"),
         ({"grid_size": "9"}, TypeError, "grid_size .* got '9'"),
-        ({"reward_scheme": {"finds": 1}}, ValueError, r"reward_scheme .* got 'finds'"),
+        ({"reward_scheme": {"finds": 1}}, TypeError, "RewardScheme.* 'finds'"),
         (
             {"persons": [{"drifts": [{"start": [1, 1]}]}, {"drifts": [{"start": [1]}]}]},
             ValueError,

@@ -62,7 +62,7 @@ def test_every_search_can_be_played_and_has_a_reason(name):
     assert not each.scenario.bayesian_update
     batch = SearchBatch(2, **each.parameters)
     batch.reset([0, 1])
-    assert batch.scenario == each.scenario
+    assert batch.scenario_of(0) == each.scenario
     assert [tuple(cell) for cell in batch.positions[0].tolist()] == list(each.drones)
 
 
@@ -106,15 +106,9 @@ def test_an_outline_has_the_main_parameters():
     assert "; 4 drones; 1 person from 30,000 tracks; probability" in search("eddy").outline
 
 
-def test_an_unknown_name_suggests_similar_names():
-    with pytest.raises(
-        ValueError, match=r"pond, .*got 'harbor'; did you mean harbour.*evaluate --list"
-    ):
+def test_an_unknown_name_is_refused():
+    with pytest.raises(ValueError, match=r"pond, .*got 'harbor' .*evaluate --list"):
         search("harbor")
-    with pytest.raises(ValueError, match="got 'Classic'; did you mean classic"):
-        search("Classic")
-    with pytest.raises(ValueError, match="got 'xyzzy' "):
-        search("xyzzy")
 
 
 def test_a_scenario_becomes_a_named_search():

@@ -71,7 +71,6 @@ class Twins:
         self.episodes = [0] * rows
         self.frames: list[Frame] = []
         self.compared = 0
-        self.received: Any = None
 
     def reset(
         self,
@@ -85,7 +84,6 @@ class Twins:
         for k, row in enumerate(which):
             self._begin(row, None if seeds is None else seeds[k], of_row(given or {}, row))
             self.rewards[row] = 0.0
-        self.received = None
         self.compare()
 
     def _begin(self, row: int, seed: int | None, given: Mapping[str, Any]) -> None:
@@ -101,11 +99,7 @@ class Twins:
 
     def step(self, actions: Any) -> None:
         ended = self.batch.ended.tolist()
-        # Matrices come with a step, or are asked for after it.
-        size = self.envs[0].grid_size
-        asks = self.compared % 2
-        self.received = np.full((len(ended), size, size), NAN, np.float32) if asks else None
-        self.batch.step(actions, self.received)
+        self.batch.step(actions)
         for row, env in enumerate(self.envs):
             if ended[row]:
                 self._begin(row, None, {})
@@ -123,8 +117,6 @@ class Twins:
         matrices = np.full_like(expected, NAN)
         batch.write_matrices(matrices)
         assert matrices.tobytes() == expected.tobytes()
-        if self.received is not None:
-            assert self.received.tobytes() == expected.tobytes()
         for rows in (every, every[self.compared % 2 :: 2]):
             assert batch.matrices_of(rows).tobytes() == expected[rows].tobytes()
         assert batch.rewards.tobytes() == self.rewards.tobytes()
@@ -423,17 +415,3 @@ def test_searches_that_contradict_a_belief_leave_it_as_it_was() -> None:
     batch.step([[Action.IDLE, Action.SEARCH]] * 3)
     assert batch.matrices_of([0])[0].tobytes() == before[0].tobytes()
     assert batch.probability_of_success.tolist() == [1.0, 0.5, 1.0]
-
-
-def test_a_wrong_array_for_the_matrices_changes_nothing() -> None:
-    batch = SearchBatch(2)
-    batch.reset([1, 2])
-    right = np.zeros((2, 7, 7), np.float32)
-    fixed = right.copy()
-    fixed.flags.writeable = False
-    for wrong in (right[:1], right.astype(float), fixed):
-        with pytest.raises(ValueError, match=r"writeable, float32 and of shape \(2, 7, 7\)"):
-            batch.step([[Action.RIGHT]] * 2, wrong)
-    assert batch.steps.tolist() == [0, 0]
-    batch.step([[Action.RIGHT]] * 2, right)
-    assert right.tobytes() == batch.matrices_of([0, 1]).tobytes()

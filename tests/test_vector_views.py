@@ -292,11 +292,7 @@ def test_observations_or_infos_hold_masks_on_request(
         assert shown in env.observation_space
         assert plain(shown["observation"]) == plain(observations)
         assert plain(shown["action_mask"]) == plain(masks_of(env)) == plain(infos["action_mask"])
-        some = env.observe(np.array([1, 3]))
-        rows = np.arange(env.num_envs).reshape(4, -1)[[1, 3]].reshape(-1)
-        assert plain(some["observation"]) == plain(plainly.observe(np.array([1, 3])))
-        assert plain(some["action_mask"]) == plain(shown["action_mask"][rows])
-        assert plain(env.action_masks()) == plain(plainly.action_masks(right_of_way))
+        assert plain(env.action_masks()) == plain(plainly.action_masks())
 
     check(env.reset(seed=3)[0], *plainly.reset(seed=3))
     rng, ended = np.random.default_rng(0), 0
@@ -358,8 +354,6 @@ def test_indices_need_a_table(parameters: dict[str, Any]) -> None:
     words = "there is no table of matrices"
     with pytest.raises(ValueError, match=rf"^{words}"):
         SwarmVectorEnv(2, write_matrices=False, **parameters)
-    with pytest.raises(ValueError, match=words):
-        _ = SwarmVectorEnv(2, **parameters).matrices
 
 
 # Seeds.
@@ -407,7 +401,7 @@ def test_the_first_seed_seeds_np_random() -> None:
     [
         (-1, ValueError, r"seed must be an integer of at least 0, got -1"),
         ("a", TypeError, r"seed must be an integer of at least 0, got 'a'"),
-        ([1, 2], ValueError, r"seed must be an integer, or 3 of them, one per swarm.*; got 2"),
+        ([1, 2], ValueError, "seed must hold 3 integers, one per swarm, got 2"),
         ([1, 2.0, 3], TypeError, r"seed\[1\] must be an integer of at least 0, got 2.0"),
     ],
 )
@@ -539,8 +533,8 @@ def test_wrong_masks_are_refused(view: type[SearchVectorEnv]) -> None:
     env.reset(seed=0)
     n = env.num_envs
     before = pickle.dumps(env.batch)
-    for mask in (np.ones(n, np.int64), np.ones(n + 1, np.bool_), np.zeros(n, np.bool_)):
-        with pytest.raises(ValueError, match=rf"'reset_mask'\] must be .* shape \({n},\) with at"):
+    for mask in (np.ones(n, np.int64), np.ones(n + 1, np.bool_)):
+        with pytest.raises(ValueError, match=rf"'reset_mask'\] must be .* shape \({n},\), got"):
             env.reset(options={"reset_mask": mask})
     if view is DroneVectorEnv:
         with pytest.raises(ValueError, match="equal for all drones of a swarm"):

@@ -22,9 +22,8 @@ from ray.rllib.core import (
 from ray.rllib.core.columns import Columns
 from ray.rllib.core.rl_module.rl_module import RLModule
 
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
-from DroneSwarmSearch.vector.vector_env import DroneVectorEnv
+from DroneSwarmSearch.single_drone_env import make_drones
 
 __all__ = ["DroneBatch", "MaskedPPOModule", "log_success", "logits"]
 
@@ -43,8 +42,8 @@ class DroneBatch(VectorWrapper):
     the steps of single drones.
 
     Args:
-        config: RLlib's `env_config`: keywords of `DroneVectorEnv`, with masks in the
-            observations (``action_mask="observation"``) by default. RLlib adds "num_envs".
+        config: RLlib's `env_config`: keywords of `DroneVectorEnv`, by default with
+            ``observation="flat"`` and ``action_mask="observation"``. RLlib adds "num_envs".
 
     Raises:
         TypeError: a keyword is unknown or has the wrong type.
@@ -53,19 +52,13 @@ class DroneBatch(VectorWrapper):
     """
 
     def __init__(self, config: Mapping[str, Any]) -> None:
-        keywords = {"action_mask": OBSERVATION, **config}
-        if "num_envs" not in keywords:
+        if "num_envs" not in config:
             raise ValueError(
                 "num_envs is missing: DroneBatch needs "
                 'env_runners(gym_env_vectorize_mode="vector_entry_point")'
             )
-        num_envs = checks.integer("num_envs", keywords.pop("num_envs"), 1)
-        drones = DroneVectorEnv(1, **keywords).batch.scenario_of(0).n_drones
-        if num_envs % drones:
-            raise ValueError(
-                f"num_envs_per_env_runner must be a multiple of n_drones={drones}, got {num_envs}"
-            )
-        super().__init__(DroneVectorEnv(num_envs // drones, **keywords))
+        usual = {"action_mask": OBSERVATION, "separate_flags": False}
+        super().__init__(make_drones(**{**usual, **config}))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

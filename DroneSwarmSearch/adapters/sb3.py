@@ -18,7 +18,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
-from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT, listed
+from DroneSwarmSearch.adapters.trained_policy import listed
 from DroneSwarmSearch.vector.vector_env import DroneVectorEnv, SwarmVectorEnv
 
 __all__ = ["LogSuccess", "SB3VecEnv", "logits"]
@@ -144,13 +144,12 @@ def logits(model: BaseAlgorithm) -> Callable[[Any], NDArray[Any]]:
         if entries:  # `evaluate` adds "row" to a swarm's dict
             shown = {name: shown[name] for name in entries}
         policy.set_training_mode(False)
+        masking = {"action_masks": masks} if uses_masks else {}
         with torch.no_grad():
-            chosen = policy.get_distribution(policy.obs_to_tensor(shown)[0])
+            chosen = policy.get_distribution(policy.obs_to_tensor(shown)[0], **masking)
         parts = getattr(chosen, "distributions", None) or chosen.distribution  # one for each drone
         by_drone = parts if isinstance(parts, list) else [parts]
         values = np.stack([part.logits.cpu().numpy() for part in by_drone], axis=1)
-        if uses_masks and masks is not None:
-            values = np.where(masks.reshape(values.shape), values, LEAST_LOGIT)
         return values if isinstance(parts, list) else values[:, 0]
 
     return masked_logits

@@ -182,8 +182,6 @@ class SearchEnv(EnvBase):
         chosen = np.ones(self.batch_size[0], np.bool_)
         if tensordict is not None and (mask := tensordict.get("_reset", None)) is not None:
             chosen = mask.cpu().numpy().reshape(-1)
-        if not chosen.any():
-            return self._written(self.vector_env.observe(np.arange(len(chosen))))
         options = {"reset_mask": chosen.repeat(self.n_drones)}
         observations, self._infos = self.vector_env.reset(seed=self._seeds, options=options)
         for swarm in chosen.nonzero()[0].tolist():

@@ -21,8 +21,6 @@ MAX_DIFFUSION = 2 / 3
 
 _ROUNDING = 1e-12
 
-_SAMPLED_STEPS = 33
-
 Vector = tuple[float, float] | Floats | Mapping[int, tuple[float, float]]
 
 
@@ -182,7 +180,7 @@ class Drift:
         return cls(**data)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class Person:
     """A person to find: one or more hypotheses about the drift, one of which is true, or tracks.
 
@@ -248,12 +246,6 @@ class Person:
                 raise TypeError(f"drifts[{place}] must be a Drift, got {drift!r}")
         object.__setattr__(self, "drifts", tuple(drifts))
 
-    def __repr__(self) -> str:
-        detection = f"probability_of_detection={self.probability_of_detection!r}"
-        if self.tracks is None:
-            return f"Person(drifts={self.drifts!r}, {detection})"
-        return f"Person({self.tracks!r}, {detection}, fine={self.fine})"
-
     def alive(self, step: int) -> float:
         """The probability of being alive after a number of completed steps, from `survival`."""
         return 1.0 if self.survival is None else self.survival[min(step, len(self.survival) - 1)]
@@ -315,7 +307,8 @@ class Person:
 
         float64, (2, 2), in cells, on a grid without borders; no start may be an array.
         """
-        steps = {len(self.searched) + step for step in _some_steps(last)}
+        # A forecast comes and goes smoothly: 33 steps stand for all.
+        steps = {len(self.searched) + round(last * part / 32) for part in range(33)}
         if self.tracks is not None:
             parts = [self.tracks.positions[min(step, self.tracks.steps)] for step in steps]
             corners = np.array([np.quantile(part, (0.001, 0.999), axis=0) for part in parts])
@@ -353,11 +346,6 @@ class Person:
             except (TypeError, ValueError) as error:
                 raise type(error)(f"drifts[{place}]: {error}") from None
         return cls(**{**values, "drifts": drifts})
-
-
-def _some_steps(last: int) -> set[int]:
-    """A few steps from the first to the last: a forecast comes and goes smoothly."""
-    return {round(last * part / (_SAMPLED_STEPS - 1)) for part in range(_SAMPLED_STEPS)}
 
 
 def _cells_of_step(entry: tuple[int, object]) -> tuple[tuple[int, int], ...]:

@@ -141,8 +141,9 @@ class Tracks:
         """The drift model of the tracks on a grid; see `Person` for `fine`."""
         key = grid_size, fine
         if key not in self._chains:
-            off = max(self._beyond(grid_size, step) for step in self._some_steps)
-            if off > MOST_BEYOND:
+            cells = np.floor(self.positions[self._some_steps] + 0.5)
+            is_off = ((cells < 0) | (cells >= grid_size)).any(axis=2)
+            if (off := (is_off @ self.weights).max()) > MOST_BEYOND:
                 warnings.warn(
                     f"{off:.1%} of tracks leave the grid of {grid_size} x {grid_size} cells, "
                     "and count as in its outer cells: take a larger grid, or larger cells",
@@ -150,11 +151,6 @@ class Tracks:
                 )
             self._chains[key] = Chain(self, *key)
         return self._chains[key]
-
-    def _beyond(self, grid_size: int, step: int) -> float:
-        """The share of the tracks that are off the grid at a step."""
-        cells = np.floor(self.positions[min(step, self.steps)] + 0.5)
-        return float(self.weights @ ((cells < 0) | (cells >= grid_size)).any(axis=1))
 
     def check_number(self, fine: int) -> None:
         """Warn if the tracks are too few for cells of `fine` by `fine` parts."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
-from DroneSwarmSearch.actions import Reader, checked_actions
+from DroneSwarmSearch.actions import checked_actions, read_actions
 from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Episodes
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.view import View
@@ -112,7 +112,7 @@ def _play(
 
 class _Recorder:
     def __init__(self, batch: SearchBatch) -> None:
-        scenario, n = batch.scenario, batch.num_rows
+        scenario, n = batch.scenario_of(0), batch.num_rows
         self._batch, self._detections = batch, np.array(scenario.detections)
         self._covers = scenario.mission == "coverage"
         self.episodes = Episodes.empty(n, len(scenario.detections), scenario.timestep_limit)
@@ -187,7 +187,7 @@ class _Stage:
 
     def __init__(self, batch: SearchBatch, view: View) -> None:
         self._batch, self._view = batch, view
-        scenario, joint = batch.scenario, view.form != "drone"
+        scenario, joint = batch.scenario_of(0), view.form != "drone"
         self._names = tuple(f"drone{i}" for i in range(scenario.n_drones))
         self._neighbours, _ = grid_of(scenario.grid_size)
         self._observations = BatchObservations(
@@ -225,7 +225,8 @@ class _Stage:
         drones = len(self._names)
         if self._view.form == "parallel":
             cells = self._batch.cells[0].tolist()
-            return np.array([[*Reader(self._names)(actions, self._neighbours, cells)[0]]])
+            chosen, _ = read_actions(actions, self._names, self._neighbours, cells)
+            return np.array([[*chosen]])
         if isinstance(actions, Mapping):
             raise TypeError(
                 f"actions must be an array of integers, got {actions!r:.200}; "

@@ -45,8 +45,6 @@ class View:
         checks.choice("observation", self.observation, tuple(LAYOUTS))
         if self.form == "parallel" and self.observation != "dict":
             raise ValueError(f"view='parallel' needs observation='dict', got {self.observation!r}")
-        for name in ("action_mask", "right_of_way"):
-            checks.boolean(name, getattr(self, name))
         if self.right_of_way and not self.action_mask:
             raise ValueError("right_of_way=True needs action_mask=True, got action_mask=False")
 

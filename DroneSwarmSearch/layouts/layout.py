@@ -62,12 +62,6 @@ def own_first(n_drones: int) -> NDArray[np.int64]:
     return np.array([[k, *(i for i in range(n_drones) if i != k)] for k in range(n_drones)])
 
 
-def scaled_matrices(matrices: Singles, out: Singles) -> None:
-    """Write matrices, shape (..., N, N), with their maximum scaled to 1; `out` may be the same."""
-    highest = matrices.max(axis=(-2, -1), keepdims=True)
-    np.divide(matrices, highest, out=out)
-
-
 def scaled_positions(positions: Positions, grid_size: int, out: Singles) -> None:
     """Write positions or offsets, of any shape, with the grid scaled to the unit square."""
     np.divide(positions, np.float32(grid_size - 1), out=out, casting="same_kind")

@@ -9,14 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Singles
-from DroneSwarmSearch.layouts.layout import (
-    Layout,
-    Positions,
-    mark,
-    own_first,
-    scaled_matrices,
-    scaled_positions,
-)
+from DroneSwarmSearch.layouts.layout import Layout, Positions, mark, own_first, scaled_positions
 
 
 class DictLayout(Layout):
@@ -65,7 +58,7 @@ class FlatLayout(Layout):
         places = out[..., : 2 * n].reshape(*out.shape[:2], n, 2)
         scaled_positions(positions[:, self._orders], self.grid_size, places)
         out[..., 2 * n] = left[:, None]
-        scaled_matrices(matrices, matrices)
+        matrices /= matrices.max(axis=(1, 2), keepdims=True)
         out[..., 2 * n + 1 :] = matrices.reshape(len(matrices), 1, -1)
 
 
@@ -89,7 +82,7 @@ class PlanesLayout(Layout):
         self._orders = own_first(n_drones)
 
     def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
-        scaled_matrices(matrices, matrices)
+        matrices /= matrices.max(axis=(1, 2), keepdims=True)
         out[:, :, 0] = matrices[:, None]
         ordered = positions[:, self._orders]
         mark(ordered[:, :, :1], out[:, :, 1])
@@ -108,7 +101,7 @@ class JointPlanesLayout(Layout):
         self.space = self._fractions(2 + n_drones, grid_size, grid_size)
 
     def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
-        scaled_matrices(matrices, matrices)
+        matrices /= matrices.max(axis=(1, 2), keepdims=True)
         out[:, 0] = matrices
         mark(positions[:, :, None], out[:, 1:-1])
         out[:, -1] = left[:, None, None]

@@ -5,6 +5,7 @@ A row whose episode has ended begins its next one in place of the following step
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -24,13 +25,7 @@ from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.observations import state_planes
 from DroneSwarmSearch.rules import OFF_GRID, Action, Ending
-from DroneSwarmSearch.scenario import (
-    REPLACED,
-    Scenario,
-    checked_persons,
-    is_default,
-    resolve_scenario,
-)
+from DroneSwarmSearch.scenario import REPLACED, Scenario, resolve_scenario
 from DroneSwarmSearch.vector.world import BatchState, Catalogue
 
 Situations = Sequence[Sequence[Person] | Person]
@@ -76,7 +71,8 @@ class SearchBatch:
             from (0, 0), row by row.
         sampler: draws a catalogue of 256 searches, and a new one after every 1,024 episodes, see
             `Sampler`.
-        wants_table: keep the matrices of all forecasts and steps in one table.
+        wants_table: keep the matrices of all forecasts and steps in one table. Only for one
+            person, without `bayesian_update`.
         finds_last: False simulates searches that never find a search's last missing person,
             although they may find the others.
 
@@ -108,20 +104,19 @@ class SearchBatch:
         **parameters: Any,
     ) -> None:
         self.num_rows = rows = checks.integer("num_rows", num_rows, 1)
-        if sampler is not None and not callable(sampler):
-            raise TypeError(f"sampler must be callable, or None, got {sampler!r}")
         if sampler is not None and situations is not None:
             raise ValueError("sampler cannot be given together with situations")
         self._scenario = scenario = resolve_scenario(scenario, **parameters)
         scenarios = [scenario]
         if situations is not None:
-            for name in (*REPLACED, "persons"):
-                if not is_default(name, value := getattr(scenario, name)):
-                    raise ValueError(
-                        f"{name} cannot be given together with situations, got {value!r}; "
-                        "each Person has its own"
-                    )
             scenarios = _scenarios_of(scenario, situations)
+            # An error if the scenario has other values of what each Person has.
+            dataclasses.replace(scenario, persons=scenarios[0].persons)
+        if wants_table and (scenario.bayesian_update or len(scenarios[0].situation) > 1):
+            raise ValueError(
+                "there is no table of matrices (write_matrices=False) with bayesian_update or "
+                "several persons"
+            )
         n = scenario.n_drones
         self._sampler = sampler
         self._rng = np.random.default_rng()  # of the sampler
@@ -225,8 +220,6 @@ class SearchBatch:
         scenarios, cells = [], []
         for _ in range(_CATALOGUE_SIZE):
             drawn = self._sampler(rng)
-            if not isinstance(drawn, Mapping):
-                raise TypeError(f"sampler must return a mapping, got {drawn!r}")
             changes = {**drawn}
             for name in changes:
                 if name not in _SAMPLED:
@@ -280,33 +273,25 @@ class SearchBatch:
 
     # A step.
 
-    def step(
-        self, actions: ArrayLike, matrices: Singles | None = None, *, autoreset: bool = True
-    ) -> None:
+    def step(self, actions: ArrayLike, *, autoreset: bool = True) -> None:
         """Let every drone act once; rows that have ended begin their next episodes instead.
 
         Args:
             actions: integers from 0 to 5, see `rules.Action`; shape (E, n_drones).
-            matrices: receives every row's matrix after the step, as from `write_matrices`.
             autoreset: False makes rows that have ended an error.
 
         Raises:
             ResetNeeded: before the first `reset`, after an interrupted step or reset, or for
                 rows that have ended if `autoreset` is False.
             TypeError: the actions are not integers.
-            ValueError: an action is out of range, or `matrices` or their shape is wrong. After
-                these errors the batch is unchanged.
+            ValueError: an action is out of range, or their shape is wrong. After these errors the
+                batch is unchanged.
         """
         if self._changing:
             raise ResetNeeded("step: a step or reset was interrupted; reset all searches first")
         if not self._seeded.all():
             raise ResetNeeded("step: not all episodes have begun; call reset() first")
         chosen = checked_actions(actions, self.cells.shape, np.int64)
-        if matrices is not None:
-            shape = (self.num_rows, *2 * (self._scenario.grid_size,))
-            given = matrices.shape, matrices.dtype, matrices.flags.writeable
-            if given != (shape, np.dtype(np.float32), True):
-                raise ValueError(f"matrices must be writeable, float32 and of shape {shape}")
         beginning = self.ended.nonzero()[0]
         if beginning.size and not autoreset:
             raise ResetNeeded(
@@ -354,30 +339,9 @@ class SearchBatch:
         if beginning.size:
             self._begin(beginning, self._counters[:, beginning] + GOLDEN, catalogue)
         world.catalogue.forecasts.reach(int(world.step.max()))
-
-        # 4. The new state can be read.
-        if matrices is not None:
-            world.write_matrices(matrices)
         self._changing = False
 
     # Parameters.
-
-    @property
-    def scenario(self) -> Scenario:
-        """The parameters of all searches in their current episodes.
-
-        Before the first `reset`, those of the constructor.
-
-        Raises:
-            ValueError: the searches have different persons; see `scenario_of`.
-        """
-        situation = self._world.situation
-        if (situation != situation[0]).any():
-            raise ValueError(
-                "there is no scenario of all searches, because they have different persons; "
-                "scenario_of(row) returns the scenario of one"
-            )
-        return self.scenario_of(0)
 
     def scenario_of(self, row: int) -> Scenario:
         """The parameters of one search in its current episode, its persons included."""
@@ -496,61 +460,38 @@ class SearchBatch:
     def probabilities(self, rows: ArrayLike, cells: ArrayLike) -> Singles:
         """The matrix entries of one cell, y * N + x, in each of some rows: float32, (n,).
 
-        A row may occur several times; IndexError if there is no such row, TypeError or ValueError
-        if there is no such cell.
+        A row may occur several times.
         """
-        which, cell = self._rows[np.asarray(rows)], self._scenario.grid_size**2 - 1
-        what = f"an integer from 0 to {cell} for each of {len(which)} rows"
-        numbers = checks.integer_array("cells", cells, what, 0, cell, which.shape)
-        return self._world.probabilities(which, numbers)
+        return self._world.probabilities(self._rows[np.asarray(rows)], np.asarray(cells))
 
     @property
     def table(self) -> Singles:
         """The table of matrices, which all rows share: float32, (entries, N, N); read-only.
 
-        Another catalogue makes a new table.
-
-        Raises:
-            ValueError: there is no table without `wants_table`, or the matrices depend on the
-                searches.
+        Only with `wants_table`. Another catalogue makes a new table.
         """
-        self._check_table()
         return self._world.catalogue.forecasts.table
 
     @property
     def table_index(self) -> Ints:
         """The entry of `table` that is the matrix of each row: int64, (E,)."""
-        self._check_table()
         return self._world.table_index
-
-    def _check_table(self) -> None:
-        if self._scenario.bayesian_update or len(self._world.missing) > 1:
-            raise ValueError(
-                "there is no table of matrices (write_matrices=False) with bayesian_update or "
-                "several persons"
-            )
-        if not self._world.catalogue.complete:
-            raise ValueError("there is no table of matrices without wants_table=True")
 
 
 def _scenarios_of(
-    scenario: Scenario, situations: object, persons: int | None = None
+    scenario: Scenario, situations: Situations, persons: int | None = None
 ) -> list[Scenario]:
     """The searches of some situations; `persons` is the number in each, if it is known."""
     what = "a sequence of situations, each a sequence of Person"
-    given = checks.items("situations", situations, what)
+    given: list[Any] = checks.items("situations", situations, what)
     if not given:
         raise ValueError(f"situations must hold at least one situation, got {situations!r}")
-    made = []
-    for place, each in enumerate(given):
-        own = checked_persons(
-            f"situations[{place}]", each, scenario.grid_size, scenario.timestep_limit
-        )
-        persons = persons or len(own)
-        if len(own) != persons:
+    made = [scenario.replace(persons=each) for each in given]
+    persons = persons or len(made[0].situation)
+    for place, each in enumerate(made):
+        if len(each.situation) != persons:
             raise ValueError(
                 f"situations must all hold the same number of persons, {persons}, got "
-                f"{len(own)} in situations[{place}]"
+                f"{len(each.situation)} in situations[{place}]"
             )
-        made.append(scenario.replace(persons=own))
     return made

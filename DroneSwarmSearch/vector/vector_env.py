@@ -85,8 +85,6 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.render_mode = checks.choice("render_mode", render_mode, (None, "ansi", "rgb_array"))
 
         self.batch = SearchBatch(swarms, wants_table=not write_matrices, **parameters)
-        if not write_matrices:
-            _ = self.batch.table  # an error if there is none
         scenario = self.batch.scenario_of(0)
         self._size, drones = scenario.grid_size, scenario.n_drones
         self._display = Display(self._size, fps=self.metadata["render_fps"])
@@ -129,8 +127,10 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         if not self._joint:
             infos = {name: values.repeat(each, axis=0) for name, values in infos.items()}
         if self._mask == "info":
-            masks = action_masks(batch.cells, self._size, self.right_of_way).astype(np.int8)
-            infos["action_mask"] = masks if self._joint else masks.reshape(self.num_envs, -1)
+            masks = self.action_masks().astype(np.int8)
+            infos["action_mask"] = (
+                masks.reshape(*self.batch.cells.shape, -1) if self._joint else masks
+            )
         return infos
 
     # Gymnasium's API.
@@ -220,32 +220,21 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """Everything that a picture of one swarm shows, including the persons."""
         return self.batch.frame(swarm)
 
-    def observe(self, swarms: ArrayLike) -> Observations:
-        """The current observations of some swarms' sub-environments, in new arrays."""
-        return self._observations.of_rows(np.asarray(swarms))
-
-    def action_masks(self, right_of_way: bool | None = None) -> Flags:
+    def action_masks(self) -> Flags:
         """The valid actions of every sub-environment, see `wrappers.action_masks`.
-
-        By default, `right_of_way` is that of the environment.
 
         Returns:
             bool, True where allowed, shape (num_envs, 6) in a `DroneVectorEnv`, indexed by
             `rules.Action`; (num_envs, n_drones * 6) in a `SwarmVectorEnv`, drone by drone.
         """
-        if right_of_way is None:
-            right_of_way = self.right_of_way
-        masks = action_masks(self.batch.cells, self._size, right_of_way)
+        masks = action_masks(self.batch.cells, self._size, self.right_of_way)
         return masks.reshape(self.num_envs, -1)
 
     @property
     def matrices(self) -> Singles:
         """The table that `matrix_index` refers to: float32, (entries, N, N); read-only.
 
-        A reset with other situations makes a new table.
-
-        Raises:
-            ValueError: there is no such table, see `write_matrices`.
+        Only with write_matrices=False. A reset with other situations makes a new table.
         """
         return self.batch.table
 
@@ -256,10 +245,10 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         if mask is None:
             return np.arange(self.batch.num_rows)
         given = np.asarray(mask)
-        if given.dtype != np.bool_ or given.shape != (self.num_envs,) or not given.any():
+        if given.dtype != np.bool_ or given.shape != (self.num_envs,):
             raise ValueError(
-                f"options['reset_mask'] must be a bool array of shape ({self.num_envs},) with at "
-                f"least one True, got {mask!r}"
+                f"options['reset_mask'] must be a bool array of shape ({self.num_envs},), "
+                f"got {mask!r}"
             )
         by_swarm = given.reshape(-1, self._each)
         if (by_swarm != by_swarm[:, :1]).any():
@@ -280,11 +269,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         if len(seeds) == self.num_envs:
             return seeds[:: self._each]
         if len(seeds) != swarms:
-            each = f", or {self.num_envs}, one per drone" if self._each > 1 else ""
-            raise ValueError(
-                f"seed must be an integer, or {swarms} of them, one per swarm{each}; "
-                f"got {len(seeds)}"
-            )
+            raise ValueError(f"seed must hold {swarms} integers, one per swarm, got {len(seeds)}")
         return seeds
 
     # Output.

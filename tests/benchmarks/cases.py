@@ -151,7 +151,9 @@ def batch_with_matrices(
     batch = make_batch(size, num_envs, **changes)
 
     def step(actions: NDArray[np.int64]) -> object:
-        batch.step(actions, buffer)
+        batch.step(actions)
+        if buffer is not None:
+            batch.write_matrices(buffer)
         return batch.positions
 
     return steps_of_batch(batch, step, random_actions(num_envs, size.n_drones))
