@@ -26,7 +26,7 @@ from DroneSwarmSearch.rendering.palette import (
 
 # Sizes in pixels from which a drone has rotors and blades, and a person a life ring and a body.
 ROTORS_FROM, BLADES_FROM, LIFE_RING_FROM = 18, 60, 24
-BODY_SHARE = 0.56  # the diameter of a drone's body as a share of its size
+BODY_SHARE = 0.48  # the diameter of a drone's body as a share of its size
 TEXT_SUPERSAMPLING = 4
 Point = tuple[float, float]
 CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
