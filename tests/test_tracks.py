@@ -130,6 +130,7 @@ def test_splits_are_random_parts():
     assert 0.35 < even < 0.65
     assert fitted.weights.sum() == pytest.approx(1)
     assert not np.array_equal(TRACKS.split(0.2)[1].positions, held_out.positions)
+    assert len(TRACKS.thin(100)) == 100
 
 
 def test_tracks_that_end_in_nan_stay():
@@ -165,7 +166,7 @@ def test_files_give_the_same_person(tmp_path):
     data = json.loads(json.dumps(scenario.to_dict()))
     assert Scenario.from_dict(data) == scenario
     assert tracks.to_dict()["sha256"] == data["persons"][0]["tracks"]["sha256"]
-    TRACKS.split()[0].save(path)
+    TRACKS.thin(500).save(path)
     with pytest.raises(ValueError, match="its SHA-256 was saved; it has changed"):
         Scenario.from_dict(data)
     arrays = Scenario(SIZE, persons=Person(TRACKS), timestep_limit=STEPS).to_dict()
@@ -226,8 +227,10 @@ def test_bad_parameters_are_rejected(tmp_path):
         Scenario(3, persons=Person(pair), timestep_limit=4)
     with pytest.raises(ValueError, match=r"held_out must leave tracks in both parts, got 0.1"):
         pair.split(0.1)
+    with pytest.raises(ValueError, match="n must be an integer from 1 to 2"):
+        pair.thin(3)
     with pytest.raises(ValueError, match="seed must be an integer of at least 0, got -1"):
-        pair.split(0.5, seed=-1)
+        pair.thin(1, seed=-1)
     with pytest.raises(ValueError, match=r"path must end in \.npz"):
         pair.save(tmp_path / "tracks.txt")
     np.savez(tmp_path / "other.npz", a=1)
@@ -245,6 +248,6 @@ def test_too_few_tracks_and_a_small_grid_are_warned_of():
     with pytest.warns(
         UserWarning, match=r"40 tracks are few: of a quarter held out, \d+% .*take more tracks"
     ):
-        Person(Tracks(TRACKS.positions[:, :40]))
+        Person(TRACKS.thin(40))
     with pytest.warns(UserWarning, match="of tracks leave the grid of 3 x 3 cells"):
         Person(TRACKS).model(3)

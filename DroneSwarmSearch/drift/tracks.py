@@ -135,6 +135,12 @@ class Tracks:
         fitted, held = (Tracks(self.positions[:, part], self.weights[part]) for part in parts)
         return fitted, held
 
+    def thin(self, n: int, seed: int = 0) -> Tracks:
+        """Keep n of the tracks, drawn at random without replacement."""
+        count, seed = checks.integer("n", n, 1, len(self)), checks.integer("seed", seed, 0)
+        kept = np.random.default_rng(seed).permutation(len(self))[:count]
+        return Tracks(self.positions[:, kept], self.weights[kept])
+
     # The drift model.
 
     def chain(self, grid_size: int, fine: int = 2, classes: int = 1) -> Chain:
