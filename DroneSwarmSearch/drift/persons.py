@@ -200,6 +200,8 @@ class Person:
         tracks: the tracks, or None.
         fine: with tracks, where a person goes next depends on one of fine² parts of the cell; from
             1 to 4. With 1, plans promise more than they find; 3 and 4 need many tracks.
+        classes: with tracks, the number of groups of similar tracks; a person belongs to one of
+            them for good. Time and memory grow with it.
         survival: the probability of being alive, entry t after t completed steps, and the last
             entry from then on; never increasing. Any array or sequence; a tuple is kept. Plans,
             policies, `RewardScheme.expected` and `Evaluation.success_alive` weigh finds by it; it
@@ -217,6 +219,7 @@ class Person:
     probability_of_detection: float = 1.0
     tracks: Tracks | None = field(default=None, kw_only=True)
     fine: int = field(default=2, kw_only=True)
+    classes: int = field(default=1, kw_only=True)
     survival: Sequence[float] | Floats | None = field(default=None, kw_only=True, repr=False)
     searched: Sequence[Sequence[tuple[int, int]]] = field(default=(), kw_only=True, repr=False)
 
@@ -228,6 +231,7 @@ class Person:
         steps = checks.items("searched", self.searched, "cells (x, y) for each step")
         object.__setattr__(self, "searched", tuple(map(_cells_of_step, enumerate(steps))))
         checks.integer("fine", self.fine, 1, 4)
+        checks.integer("classes", self.classes, 1)
         given: object = self.drifts
         if isinstance(given, Tracks):
             object.__setattr__(self, "drifts", ())
@@ -277,7 +281,7 @@ class Person:
         """A hashable key of the drifts and weights; equal for equal forecasts."""
         earlier = self.searched and (self.searched, self.probability_of_detection)
         if self.tracks is not None:
-            return self.tracks, self.fine, earlier
+            return self.tracks, self.fine, self.classes, earlier
         return (*(drift.key for drift in self.drifts), self.weights, earlier)
 
     def model(self, grid_size: int) -> DriftModel:
@@ -287,7 +291,7 @@ class Person:
 
         model: DriftModel
         if self.tracks is not None:
-            model = self.tracks.chain(grid_size, self.fine)
+            model = self.tracks.chain(grid_size, self.fine, self.classes)
         else:
             model = ProbabilityMatrix(grid_size, self)
         return Resumed(model, self) if self.searched else model
@@ -331,7 +335,7 @@ class Person:
             data["searched"] = [[list(cell) for cell in cells] for cells in self.searched]
         if self.tracks is None:
             return {"drifts": [drift.to_dict() for drift in self.drifts], **data}
-        return {"tracks": self.tracks.to_dict(), "fine": self.fine, **data}
+        return {"tracks": self.tracks.to_dict(), "fine": self.fine, "classes": self.classes, **data}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Person:

@@ -135,11 +135,17 @@ class Tracks:
         fitted, held = (Tracks(self.positions[:, part], self.weights[part]) for part in parts)
         return fitted, held
 
+    def thin(self, n: int, seed: int = 0) -> Tracks:
+        """Keep n of the tracks, drawn at random without replacement."""
+        count, seed = checks.integer("n", n, 1, len(self)), checks.integer("seed", seed, 0)
+        kept = np.random.default_rng(seed).permutation(len(self))[:count]
+        return Tracks(self.positions[:, kept], self.weights[kept])
+
     # The drift model.
 
-    def chain(self, grid_size: int, fine: int = 2) -> Chain:
-        """The drift model of the tracks on a grid; see `Person` for `fine`."""
-        key = grid_size, fine
+    def chain(self, grid_size: int, fine: int = 2, classes: int = 1) -> Chain:
+        """The drift model of the tracks on a grid; see `Person` for the arguments."""
+        key = grid_size, fine, classes
         if key not in self._chains:
             cells = np.floor(self.positions[self._some_steps] + 0.5)
             is_off = ((cells < 0) | (cells >= grid_size)).any(axis=2)
@@ -195,7 +201,7 @@ class Tracks:
     # Files.
 
     def save(self, path: str | Path, fine: int = 2) -> None:
-        """Write a compact ``.npz`` for `read`: with this `fine`, the same person."""
+        """Write a compact ``.npz`` for `read`: with this `fine` and one class, the same person."""
         if Path(path).suffix != ".npz":
             raise ValueError(f"path must end in .npz, got {str(path)!r}")
         parts = np.floor((self.positions + 0.5) * checks.integer("fine", fine, 1, 4))

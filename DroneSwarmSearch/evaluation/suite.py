@@ -152,8 +152,6 @@ def _named(data: Mapping[str, Any]) -> NamedSearch:
     drones = checks.items("drones_positions", rest.pop("drones_positions", []), "a list of cells")
     scenario = Scenario.from_dict({"n_drones": len(drones), **rest} if drones else rest)
     cells: Any = drones
-    if drones:
-        scenario.drone_cells(drones)
     return NamedSearch(name, reason, scenario, cells, scale and Scale(**scale))
 
 

@@ -390,7 +390,7 @@ class Incident:
             replace(each, diffusion=alone + share * (each.diffusion - alone))
             for each in person.drifts
         ]
-        return Person(drifts, detected, searched=searched)
+        return Person(tuple(drifts), detected, searched=searched)
 
 
 def _seconds(seconds: float) -> timedelta:
