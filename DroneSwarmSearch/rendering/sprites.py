@@ -26,7 +26,6 @@ from DroneSwarmSearch.rendering.palette import (
 
 # Sizes in pixels from which a drone has rotors and blades, and a person a life ring and a body.
 ROTORS_FROM, BLADES_FROM, LIFE_RING_FROM = 18, 60, 24
-BODY_SHARE = 0.48  # the diameter of a drone's body as a share of its size
 TEXT_SUPERSAMPLING = 4
 Point = tuple[float, float]
 CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
@@ -105,6 +104,7 @@ def drone(size: int, colour: Colour) -> pygame.Surface:
     """A quadcopter, with a light rim and a dark outline; an X if it is small."""
     pen = _Pen(size, WHITE)
     rim, line = 1.2 * pen.pixel, max(pen.pixel, 0.035)
+    body = 0.56 if size < BLADES_FROM else 0.44
     for inset, paint in ((0.0, WHITE), (rim, INK), (rim + line, colour)):
         for x, y in CORNERS:
             if size < ROTORS_FROM:
@@ -114,7 +114,7 @@ def drone(size: int, colour: Colour) -> pygame.Surface:
             pen.stroke([(0, 0), (0.6 * x, 0.6 * y)], max(0.22 - 2 * inset, 0.08), arm)
             pen.disc((0.6 * x, 0.6 * y), 0.4 - inset, paint)
         if size >= ROTORS_FROM:
-            pen.disc((0, 0), BODY_SHARE - inset, paint)
+            pen.disc((0, 0), body - inset, paint)
     if size >= BLADES_FROM:
         r, g, b = ((2 * channel + 3 * 255) // 5 for channel in colour)
         for x, y in CORNERS:
