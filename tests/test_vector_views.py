@@ -292,7 +292,7 @@ def test_observations_or_infos_hold_masks_on_request(
         assert shown in env.observation_space
         assert plain(shown["observation"]) == plain(observations)
         assert plain(shown["action_mask"]) == plain(masks_of(env)) == plain(infos["action_mask"])
-        assert plain(env.action_masks()) == plain(plainly.action_masks())
+        assert plain(env.action_masks()) == plain(plainly.action_masks(right_of_way))
 
     check(env.reset(seed=3)[0], *plainly.reset(seed=3))
     rng, ended = np.random.default_rng(0), 0

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
 
@@ -127,7 +128,8 @@ def search(name: str) -> NamedSearch:
             raise ValueError(f"{path}: {error}") from error
     if name not in SUITE:
         raise ValueError(
-            f"search must be one of {', '.join(SUITE)}, got {name!r:.100} "
+            f"search must be one of {', '.join(SUITE)}, got {name!r:.100}"
+            f"{did_you_mean(name, SUITE)} "
             "(`python -m DroneSwarmSearch evaluate --list` describes them)"
         )
     return SUITE[name]

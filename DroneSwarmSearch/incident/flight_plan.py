@@ -157,11 +157,9 @@ def _searched_cells(search: NamedSearch, policy: str) -> Ints:
 def _waypoints(incident: Incident, cells: Ints) -> Iterator[Waypoint]:
     """The waypoints of drones that search some cells, (n, drones, 2), as long as they can."""
     grid, _, _, first, _ = incident.layout
-    speed, gap, crossing = incident.speed, incident.gap, 2 * grid.scale.seconds_per_step
-    # In cells several strips wide, drones fly along different strips.
-    wide = round(grid.scale.metres_per_cell / incident.swath)
-    strips = (np.arange(incident.drones) % wide - (wide - 1) / 2) / wide
-    points = grid.metres(cells + strips[:, None])
+    speed, crossing = incident.speed, 2 * grid.scale.seconds_per_step
+    gap = grid.gap(speed)
+    points = grid.metres(cells)
     base = grid.plane.metres(*incident.base)
     distances = np.hypot(*np.moveaxis(points - base, -1, 0))  # (n, drones)
     there = schedule(distances[0], speed, gap)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from datetime import datetime
 from typing import NamedTuple
@@ -96,6 +97,10 @@ class SearchGrid(NamedTuple):
         """The middle of cells (x, y), (..., 2), in metres (east, north) on the plane."""
         away: Floats = (np.asarray(cells) - self.middle) * (1, -1) * self.scale.metres_per_cell
         return away
+
+    def gap(self, speed: float) -> float:
+        """Seconds between take-offs and between landings, so that drones never share a cell."""
+        return math.sqrt(2) * self.scale.metres_per_cell / speed
 
     def cells(self, metres: Floats) -> Floats:
         """The inverse of `metres`: real numbers."""

@@ -301,11 +301,6 @@ class Incident:
 
     # The layout.
 
-    @property
-    def gap(self) -> float:
-        """Seconds between take-offs and between landings, so that drones never share a cell."""
-        return math.sqrt(2) * self.swath / self.speed
-
     @cached_property
     def layout(self) -> Layout:
         """The grid, the person on it, and when and where the search begins."""
@@ -328,7 +323,8 @@ class Incident:
     def _timed(self, grid: SearchGrid, position: Floats) -> Layout:
         """The layout on a grid, given the cell of the last known position."""
         base = grid.plane.metres(*self.base)
-        way = float(np.hypot(*base)) / self.speed + (self.drones - 1) * self.gap
+        gap = grid.gap(self.speed)
+        way = float(np.hypot(*base)) / self.speed + (self.drones - 1) * gap
         guess = self._person(position, grid, self.start + _seconds(way), 1)
         matrix = guess.model(grid.size).exact(0).reshape(-1)
         likeliest = np.argsort(-matrix, kind="stable")
@@ -337,7 +333,7 @@ class Incident:
         cells = np.stack([likeliest % grid.size, likeliest // grid.size], axis=1)
         distances = np.hypot(*(grid.metres(cells) - base).T)
         nearest = np.argsort(distances, kind="stable")[: self.drones]
-        there = float(schedule(distances[nearest], self.speed, self.gap).max())
+        there = float(schedule(distances[nearest], self.speed, gap).max())
         limit = grid.scale.whole_steps(self.endurance - there - way) // 2 * 2
         if limit < LEAST_STEPS:
             raise ValueError(

@@ -220,14 +220,18 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """Everything that a picture of one swarm shows, including the persons."""
         return self.batch.frame(swarm)
 
-    def action_masks(self) -> Flags:
+    def action_masks(self, right_of_way: bool | None = None) -> Flags:
         """The valid actions of every sub-environment, see `wrappers.action_masks`.
+
+        By default, `right_of_way` is that of the environment.
 
         Returns:
             bool, True where allowed, shape (num_envs, 6) in a `DroneVectorEnv`, indexed by
             `rules.Action`; (num_envs, n_drones * 6) in a `SwarmVectorEnv`, drone by drone.
         """
-        masks = action_masks(self.batch.cells, self._size, self.right_of_way)
+        if right_of_way is None:
+            right_of_way = self.right_of_way
+        masks = action_masks(self.batch.cells, self._size, right_of_way)
         return masks.reshape(self.num_envs, -1)
 
     @property
