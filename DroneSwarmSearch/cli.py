@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import io
 import os
 import sys
 from collections.abc import Sequence
@@ -138,9 +137,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if argv is None:
         argv = sys.argv[1:]
-        if isinstance(sys.stdout, io.TextIOWrapper):
-            # An ASCII terminal shows "?" for missing characters, instead of failing.
-            sys.stdout.reconfigure(errors="replace")
     if not argv or (argv[0].startswith("-") and argv[0] not in ("-h", "--help")):
         argv = ["play", *argv]
     code = commands.run(_parser().parse_args(argv))

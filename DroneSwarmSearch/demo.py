@@ -10,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.errors import printed_warnings
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.rollout import reset_policy
@@ -70,8 +69,7 @@ def run(options: argparse.Namespace) -> None:
     if options.manual and options.policy != USUAL_POLICY:
         raise ValueError(f"--manual: the other drones use {USUAL_POLICY}: leave out --policy")
     checks.real("--fps", options.fps, FPS_LEAST, FPS_MOST)
-    with printed_warnings():
-        found = _search_of(options)
+    found = _search_of(options)
     episode = _Episode(found, options, options.seed)
     if options.search is not None:
         print(textwrap.fill(f"{found.name}: {found.reason}", 100) + "\n", flush=True)

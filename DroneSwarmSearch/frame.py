@@ -80,13 +80,6 @@ class Frame:
         return tuple(n for n, weights in enumerate(self.hypotheses) if len(weights) > 1)
 
     @property
-    def shown_uncertain_persons(self) -> tuple[int, ...]:
-        """Those whom the matrix shows: the ones still missing, or all if nobody is."""
-        if all(self.found):
-            return self.uncertain_persons
-        return tuple(person for person in self.uncertain_persons if not self.found[person])
-
-    @property
     def progress(self) -> tuple[str, str, str]:
         """The unit of time, "step" or with a scale "minute", and how many so far and at most."""
         if self.scale is None:

@@ -308,14 +308,9 @@ def _diffusion(diffusivity: object, scale: Scale) -> float:
     number = checks.real("diffusivity", diffusivity, 0)
     diffusion = scale.diffusion(number)
     if diffusion > MAX_DIFFUSION:
-        ratio = diffusion / MAX_DIFFUSION
-        # One percent is more than the figures in the message can be off by rounding.
-        longest = 0.99 * scale.seconds_per_step / ratio
-        smallest = 1.01 * scale.metres_per_cell * math.sqrt(ratio)
         raise ValueError(
-            f"diffusivity must be at most {number / ratio:.3g} m²/s with {scale}, got "
-            f"{diffusivity!r}; take steps of at most {longest:.3g} s, or cells of at least "
-            f"{smallest:.3g} m"
+            f"diffusivity must be at most {number * MAX_DIFFUSION / diffusion:.3g} m²/s with "
+            f"{scale}, got {diffusivity!r}: take shorter steps or larger cells"
         )
     return diffusion
 

@@ -25,64 +25,63 @@ __all__ = ["from_points", "gaussian", "line", "polygon"]
 
 
 _MAX_BEYOND = 0.01
+_FARTHEST = 1e9  # limits rounding errors
 _MAX_CORRELATION = 0.999
-
-_PARTS = 100
-"""Rows or columns into which cells are divided, and points per cell of a line: an error of 1%."""
+_NODES = np.polynomial.legendre.leggauss(8)  # and weights of a quadrature on [-1, 1]
 
 
 def polygon(grid_size: int, vertices: ArrayLike) -> Floats:
     """A person anywhere in a polygon, with equal probability.
 
-    The probability of a cell is proportional to the area that it shares with the polygon, measured
-    along 100 lines through the cell: accurate to 1% of its area. There are at least three vertices,
-    in order along the boundary, shape (n, 2). The polygon need not be convex, but its edges must
-    not cross.
+    The probability of a cell is exactly proportional to the area that it shares with the polygon.
+    There are at least three vertices, in order along the boundary, shape (n, 2). The polygon need
+    not be convex, but its edges must not cross.
     """
-    size = checks.integer("grid_size", grid_size, 2)
+    size = _checked_size(grid_size)
     corners = _positions("vertices", vertices, 3)
+    _check_simple(corners)
     x, y = corners.T
-    end_x, end_y = np.roll(x, -1), np.roll(y, -1)
-    area = abs(float(np.sum(x * end_y - end_x * y))) / 2
+    after_x, after_y = np.roll(x, -1), np.roll(y, -1)
+    area = float(np.sum((x - x[0]) * (after_y - y[0]) - (after_x - x[0]) * (y - y[0]))) / 2
     if area == 0.0:
         raise ValueError(f"vertices must form a polygon with an area, got {vertices!r}")
-    edges = np.arange(size + 1) - 0.5
-    mass = np.zeros((size, size))
-    for number, height in enumerate(_parts(size)):
-        crossed = (y > height) != (end_y > height)
-        share = (height - y[crossed]) / (end_y - y)[crossed]
-        crossings = np.sort(x[crossed] + share * (end_x - x)[crossed])
-        # The polygon is between the first two crossings, between the next two, and so on.
-        before = np.minimum.outer(edges, crossings)
-        lengths = (before[:, 1::2] - before[:, ::2]).sum(axis=1)
-        mass[number // _PARTS] += np.diff(lengths) / _PARTS
-    # Rows measure a narrow polygon less accurately than the warning needs.
-    is_inside = np.array_equal(corners, np.clip(corners, -0.5, size - 0.5))
-    return _normalised("vertices", mass, float(mass.sum()) if is_inside else area)
+    edges = np.arange(size + 1.0) - 0.5
+    # The area of the polygon in the rows and columns before each corner of the cells: by Green's
+    # theorem, the integral of min(x, X) dy along the boundary, where y <= Y.
+    quadrants = np.zeros((size + 1, size + 1))
+    for start, end in zip(corners.tolist(), np.roll(corners, -1, axis=0).tolist(), strict=True):
+        if start[1] != end[1]:
+            quadrants += _before(edges, start, end)
+    shares = np.diff(np.diff(quadrants, axis=0), axis=1) * math.copysign(1.0, area)
+    # Rounding leaves traces in the cells that the polygon does not touch.
+    reach = max(size, float(np.abs(corners).max()))
+    height = float(np.abs(np.diff(np.clip(np.append(y, y[0]), -0.5, size - 0.5))).sum())
+    shares[shares <= 1e-15 * reach * height] = 0.0
+    return _normalised("vertices", shares, abs(area))
 
 
 def line(grid_size: int, vertices: ArrayLike, *, sd: float = 0.0) -> Floats:
     """A person near a line, such as a ship's track: anywhere on it, with a normal error.
 
     There are at least two vertices, in order along the line, shape (n, 2); `sd` is the standard
-    deviation of the distance from it along each axis, in cells. Points on the line stand for it,
-    sd/4 apart but at least 1/100 of a cell, so with 0, the length in each cell is accurate to that.
+    deviation of the distance from it along each axis, in cells. With 0, the probability of a cell
+    is exactly proportional to the length of the line in it; otherwise points on the line stand for
+    it, at most sd/4 (but at least 0.02 cells) apart.
     """
-    size = checks.integer("grid_size", grid_size, 2)
+    size = _checked_size(grid_size)
     corners = _positions("vertices", vertices, 2)
     error = checks.real("sd", sd, 0)
-    mass, total = np.zeros((size, size)), 0.0
+    total = float(np.hypot(*np.diff(corners, axis=0).T).sum())
+    if not 0.0 < total < math.inf:
+        raise ValueError(f"vertices must form a line with a length, got {vertices!r}")
+    mass = np.zeros((size, size))
     for start, end in pairwise(corners):
-        length = math.dist(start, end)
-        count = math.ceil(length / max(error / 4, 1 / _PARTS)) or 1
-        shares = (np.arange(count) + 0.5) / count
-        points = start + np.multiply.outer(shares, end - start)
+        points, lengths = _pieces(start, end, size, error)
         if error:
             x, y = (_cell_masses(size, points[:, axis, None], error) for axis in (0, 1))
-            mass += length / count * (y.T @ x)
+            mass += (y * lengths[:, None]).T @ x
         else:
-            mass += _histogram(size, points, np.full(count, length / count))
-        total += length
+            mass += _histogram(size, points, lengths)
     return _normalised("vertices", mass, total)
 
 
@@ -91,8 +90,7 @@ def gaussian(
 ) -> Floats:
     """A normal distribution, summed over each cell.
 
-    Without correlation, `Drift(mean, start_sd=sd)` is the same at less cost. With it, probabilities
-    are accurate to 0.001 if the standard deviations are at least 0.1.
+    Without correlation, `Drift(mean, start_sd=sd)` is the same at less cost.
 
     Args:
         grid_size: cells along each side.
@@ -101,19 +99,32 @@ def gaussian(
         correlation: between x and y, from -0.999 to 0.999. Positive values stretch the map
             from the upper left to the lower right, because y grows downward.
     """
-    size = checks.integer("grid_size", grid_size, 2)
+    size = _checked_size(grid_size)
     centre_x, centre_y = checks.pair("mean", mean)
     both = (sd, sd) if checks.is_number(sd) else checks.pair("sd", sd)
     sd_x, sd_y = (checks.positive("sd", each) for each in both)
     rho = checks.real("correlation", correlation, -_MAX_CORRELATION, _MAX_CORRELATION)
-    x = _parts(size)
-    chances = _cell_masses(size * _PARTS, (centre_x + 0.5) * _PARTS - 0.5, sd_x * _PARTS)
-    # Given x, y is normal, too.
-    means, rest = centre_y + rho * sd_y / sd_x * (x - centre_x), sd_y * math.sqrt(1.0 - rho**2)
+    if rho == 0.0:
+        x, y = _cell_masses(size, centre_x, sd_x), _cell_masses(size, centre_y, sd_y)
+        return _normalised("mean", np.multiply.outer(y, x), 1.0)
+    # Given x, y is normal too: integrate over the x of each column.
+    rest = math.sqrt(1.0 - rho**2)
+    scale = sd_x * min(1.0, rest / abs(rho))  # on which the integrand changes
+    low, high = (
+        min(max(edge, -0.5), size - 0.5) for edge in (centre_x - 9 * sd_x, centre_x + 9 * sd_x)
+    )
+    breaks = np.unique(np.clip(np.arange(size + 1) - 0.5, low, high))
     mass = np.zeros((size, size))
-    for column in range(size):
-        parts = slice(column * _PARTS, (column + 1) * _PARTS)
-        mass[:, column] = chances[parts] @ _cell_masses(size, means[parts, None], rest)
+    for left, right in pairwise(breaks):
+        panels = math.ceil((right - left) / scale)
+        half = (right - left) / (2 * panels)
+        centres = left + half * (2 * np.arange(panels) + 1)
+        x = (centres[:, None] + half * _NODES[0]).ravel()
+        z = (x - centre_x) / sd_x
+        density = np.exp(-0.5 * z * z) / (sd_x * math.sqrt(2 * math.pi))
+        weight = density * np.tile(half * _NODES[1], panels)
+        y = _cell_masses(size, (centre_y + rho * sd_y * z)[:, None], sd_y * rest)
+        mass[:, math.floor((left + right) / 2 + 0.5)] = weight @ y
     return _normalised("mean", mass, 1.0)
 
 
@@ -122,7 +133,7 @@ def from_points(grid_size: int, points: ArrayLike, weights: ArrayLike | None = N
 
     Points have the shape (n, 2), and weights of at least 0 the shape (n,): by default all equal.
     """
-    size = checks.integer("grid_size", grid_size, 2)
+    size = _checked_size(grid_size)
     given = _positions("points", points, 1)
     share = np.ones(len(given))
     if weights is not None:
@@ -136,10 +147,10 @@ def from_points(grid_size: int, points: ArrayLike, weights: ArrayLike | None = N
     return _normalised("points", _histogram(size, given, share), total)
 
 
-def _parts(grid_size: int) -> Floats:
-    """The middles of the parts of all cells along an axis."""
-    middles: Floats = (np.arange(grid_size * _PARTS) + 0.5) / _PARTS - 0.5
-    return middles
+def _checked_size(grid_size: object) -> int:
+    size = checks.integer("grid_size", grid_size, 2)
+    checks.fits("the map", 8 * size**2, grid_size=size)
+    return size
 
 
 def _positions(name: str, value: object, least: int) -> Floats:
@@ -148,9 +159,9 @@ def _positions(name: str, value: object, least: int) -> Floats:
     given = checks.numbers(name, value, what).astype(np.float64)
     if given.ndim != 2 or given.shape[1] != 2 or len(given) < least:
         raise ValueError(f"{name} must be {what}, got shape {given.shape}")
-    wrong = given[~np.isfinite(given).all(axis=1)]
+    wrong = given[~(np.abs(given) <= _FARTHEST).all(axis=1)]
     if wrong.size:
-        raise ValueError(f"{name} must be finite, got {tuple(wrong[0].tolist())}")
+        raise ValueError(f"{name} must be numbers from -1e9 to 1e9, got {tuple(wrong[0].tolist())}")
     return given
 
 
@@ -158,7 +169,7 @@ def _normalised(name: str, mass: Floats, total: float) -> Floats:
     """Probabilities from the mass in each cell; `total` includes what lies beyond the grid."""
     inside = float(mass.sum())
     if not inside > 0.0:
-        raise ValueError(f"{name} must cover a part of the grid; nothing does")
+        raise ValueError(f"{name} must lie on the grid, at least in part; nothing does")
     if inside < (1.0 - _MAX_BEYOND) * total:
         warnings.warn(
             f"{1.0 - inside / total:.1%} of the prior lies beyond the grid and is cut off",
@@ -181,3 +192,58 @@ def _cell_masses(grid_size: int, mean: Floats | float, sd: float) -> Floats:
     with np.errstate(over="ignore"):  # an infinite argument of erf is clipped
         phi = erf(np.divide(edges - mean, sd * math.sqrt(2), dtype=np.float64))
     return 0.5 * np.diff(phi, axis=-1)
+
+
+def _pieces(start: Floats, end: Floats, grid_size: int, error: float) -> tuple[Floats, Floats]:
+    """A segment in pieces, none of which is in two cells: their middles and their lengths."""
+    step = end - start
+    length = float(np.hypot(*step))
+    edges = np.arange(grid_size + 1) - 0.5
+    with np.errstate(over="ignore"):
+        cuts = [(edges - at) / by for at, by in zip(start, step, strict=True) if by]
+    cuts.append(np.array([0.0, 1.0]))
+    if error:
+        count = math.ceil(length / max(error / 4, 0.02))
+        checks.fits("the points on the line", 16 * count * grid_size, vertices=length, sd=error)
+        cuts.append(np.linspace(0.0, 1.0, count + 1))
+    at = np.unique(np.clip(np.concatenate(cuts), 0.0, 1.0))
+    middles = start + np.multiply.outer((at[1:] + at[:-1]) / 2, step)
+    return middles, np.diff(at) * length
+
+
+def _before(edges: Floats, start: list[float], end: list[float]) -> Floats:
+    """The integral of min(x, X) dy along an edge of a polygon, where y <= Y, indexed [Y, X].
+
+    Y and X are the boundaries of rows and columns; what is before the first row is left out.
+    """
+    (x0, y0), (x1, y1) = start, end
+    with np.errstate(over="ignore"):  # clipped; the heights of the ends may be almost equal
+        to = np.clip((edges - y0) / (y1 - y0), 0.0, 1.0)
+    first, last = (to[:1], to) if y1 > y0 else (to, to[:1])
+    ends = x0 + (x1 - x0) * first, x0 + (x1 - x0) * last
+    low, high = np.minimum(*ends)[:, None], np.maximum(*ends)[:, None]
+    over = np.clip(edges, low, high) - low
+    span = np.where(high > low, high - low, 1.0)
+    mean = np.minimum(edges, low) + over - over * over / (2 * span)
+    integral: Floats = ((last - first) * (y1 - y0))[:, None] * mean
+    return integral
+
+
+def _check_simple(corners: Floats) -> None:
+    """Raise a ValueError if two edges of a polygon cross."""
+    after = np.roll(corners, -1, axis=0)
+    for place, (start, end) in enumerate(zip(corners, after, strict=True)):
+        apart = _side(start, end, corners) * _side(start, end, after) < 0
+        crossing = apart & (_side(corners, after, start) * _side(corners, after, end) < 0)
+        if crossing.any():
+            raise ValueError(
+                f"vertices must form a polygon whose edges do not cross, but the edges from "
+                f"vertices[{place}] and vertices[{crossing.argmax()}] do"
+            )
+
+
+def _side(start: Floats, end: Floats, point: Floats) -> Floats:
+    """On which side of a line points are: -1, 0 or 1."""
+    a, b = end - start, point - start
+    cross: Floats = np.sign(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+    return cross

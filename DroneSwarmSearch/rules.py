@@ -168,7 +168,10 @@ def neighbours(cell: int, grid_size: int) -> tuple[int, ...]:
 
 
 def neighbours_of_all(grid_size: int) -> Ints:
-    """`neighbours` of all cells: int64, (grid_size², 6)."""
+    """`neighbours` of all cells: int64, (grid_size², 6), or ValueError for lack of memory."""
+    # Four such tables of eight bytes an entry: the result, x, y and the cells.
+    needed = 32 * len(MOVES) * grid_size**2
+    checks.fits("the table of the cells' neighbours", needed, grid_size=grid_size)
     dx, dy = np.array(MOVES).T
     y, x = np.divmod(np.arange(grid_size**2)[:, None], grid_size)
     x, y = x + dx, y + dy

@@ -16,6 +16,9 @@ from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.drift.tables import dispersion_rate
 from DroneSwarmSearch.rules import RewardScheme
 
+_DRONE_BYTES = 900
+"""Approximate memory of one drone during an episode, including its observations."""
+
 Cell = tuple[int, int]
 """(x, y): column and row; y grows downward."""
 
@@ -105,6 +108,11 @@ class Scenario:
                     )
         for name, value in values.items():
             object.__setattr__(self, name, value)
+        # Two float32 matrices, and two float64 beliefs for each person and hypothesis.
+        beliefs = sum(len(person.weights) for person in self.persons or ()) or len(cells)
+        cell_bytes = 8 + 16 * beliefs * self.bayesian_update
+        checks.fits("the probability matrices", cell_bytes * size**2, grid_size=size)
+        checks.fits("the drones", _DRONE_BYTES * self.n_drones, n_drones=self.n_drones)
 
     def __getstate__(self) -> dict[str, Any]:
         """The parameters, without what is cached."""

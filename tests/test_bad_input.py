@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 import random
 import types
 from collections.abc import Callable
@@ -15,6 +16,9 @@ from helpers import observed, plain, play, play_on, whole_state
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, RewardScheme
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
+from DroneSwarmSearch.layouts.masks import action_masks
+from DroneSwarmSearch.policies import make
+from DroneSwarmSearch.wrappers import FlatObservation
 
 NAN, INF = float("nan"), float("inf")
 PERSON = "person_initial_position"
@@ -284,11 +288,58 @@ def test_step_accepts_any_mapping_in_any_order():
     assert plain(env.step(backwards)) == plain(usual.step(GOOD))
 
 
-# Forecasts.
+# Memory limits.
 
 
 def forecast_of(grid_size):
     return ProbabilityMatrix(grid_size, Drift((0, 0)))
+
+
+@pytest.fixture
+def small_machine(monkeypatch):
+    """A system that reports 64 MiB of memory."""
+    monkeypatch.setattr(
+        os, "sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 2**14}.get, raising=False
+    )
+
+
+@pytest.mark.parametrize("grid_size", [10**6, 10**30])
+@pytest.mark.parametrize("make", [DroneSwarmSearch, forecast_of])
+def test_huge_grids_are_rejected(make, grid_size):
+    refused(lambda: make(grid_size), ValueError, "grid_size", f"grid_size={grid_size}", "GiB")
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("grid_size", lambda: DroneSwarmSearch(3000)),
+        ("grid_size", lambda: DroneSwarmSearch(1700, bayesian_update=True)),
+        ("grid_size", lambda: forecast_of(4100)),
+        ("n_drones", lambda: DroneSwarmSearch(1000, n_drones=10**6)),
+        ("grid_size", lambda: action_masks([0], 2000)),
+        ("grid_size", lambda: make("random", DroneSwarmSearch(2000).scenario)),
+    ],
+)
+def test_errors_about_memory_name_the_parameter(small_machine, name, make):
+    with pytest.raises(ValueError, match=rf"^(grid_size or )?{name}.* must be smaller: with .*GiB"):
+        make()
+
+
+def test_searches_that_fit_in_memory_are_accepted(small_machine):
+    for env in (DroneSwarmSearch(1000), FlatObservation(DroneSwarmSearch(500, n_drones=5))):
+        env.reset(seed=1)
+
+
+@pytest.mark.parametrize("error", [AttributeError, ValueError, OSError])
+def test_large_grids_are_accepted_if_the_memory_size_is_unknown(monkeypatch, error):
+    """Windows has no sysconf, for example."""
+
+    def silent(name):
+        raise error(name)
+
+    monkeypatch.setattr(os, "sysconf", silent, raising=False)
+    DroneSwarmSearch(1000).reset(seed=1)
+    refused(lambda: DroneSwarmSearch(2**32), ValueError, "grid_size", "GiB")
 
 
 @pytest.mark.parametrize("ask", ["at", "joint", "marginals", "exact", "moves"])

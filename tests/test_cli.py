@@ -28,6 +28,7 @@ from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS
 
 OWN = """
 import os
+import warnings
 import numpy as np
 
 class Still:
@@ -45,6 +46,10 @@ def refuses(shown):
 
 def interrupts(shown):
     raise KeyboardInterrupt
+
+def warns(shown):
+    warnings.warn("an old chart")
+    return np.full(shown["positions"].shape[:2], 4)
 
 """
 
@@ -179,9 +184,9 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path):
     [
         (["evalaute"], "invalid choice: 'evalaute'"),
         (["evaluate", "random"], "POLICY and SEARCH are needed"),
-        (["evaluate", "random", "harbor"], "got 'harbor'; did you mean harbour"),
-        (["evaluate", "randon", "pond"], "got 'randon'; did you mean random?"),
-        (["evaluate", "mine.py", "pond"], "got 'mine.py'; name an attribute of the file, too"),
+        (["evaluate", "random", "harbor"], "got 'harbor' ("),
+        (["evaluate", "randon", "pond"], "got 'randon'"),
+        (["evaluate", "mine.py", "pond"], "or 'file.py:attribute', got 'mine.py'"),
         (["evaluate", "math:tau", "pond"], "math has none called 'tau'"),
         (["evaluate", "random", "pond", "--view", "drone"], "view must be 'swarm' or 'parallel'"),
         (["bound", "no.json"], "No such file or directory: 'no.json'"),
@@ -212,28 +217,15 @@ def test_damaged_weights_and_folders_are_refused(capsys, tmp_path, monkeypatch):
         assert output.err.count("\n") == 1
 
 
-def test_an_ascii_terminal_shows_replacements(tmp_path):
-    environment = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    policy = "\xe9.py:act"
-    (tmp_path / "\xe9.py").write_text("def act(shown):\n    return [[4]] * len(shown['row'])\n")
-    arguments = ("evaluate", policy, "pond", "--episodes", "2", "--csv", "--out", "r\xe9sultats")
-    home = str(Path(command.__file__).parents[1])
-    done = subprocess.run(
-        [sys.executable, "-m", "DroneSwarmSearch", *arguments],
-        capture_output=True,
-        check=False,
-        cwd=tmp_path,
-        env={**os.environ, **environment, "PYTHONPATH": home},
-    )
-    assert done.returncode == 0, done.stderr
-    assert b",pond," in done.stdout
-    assert done.stdout.isascii()
-
-
 def test_errors_of_a_policy_are_raised(own):
     arguments = ("evaluate", f"{own}:refuses", "pond", "--episodes", "2", "--workers", "2")
     with pytest.raises(LookupError, match="no chart"):
         command.main(arguments)
+
+
+def test_a_warning_is_a_line(capsys, own):
+    output = answer(capsys, "evaluate", f"{own}:warns", "pond", "--episodes", 2)
+    assert output.err == "warning: an old chart\n"
 
 
 def test_a_policy_that_interrupts_stops_the_command(capsys, own):

@@ -62,7 +62,6 @@ class TestWatching:
             ("10 10", LAST, "Enter closes the window"),
             ("0.3 space 10 space 0.2", 3, "speed 1\N{MULTIPLICATION SIGN}"),
             ("0.3 right 1 right right 1", 4, "paused"),
-            ("right held-right 1", 2, "paused"),
             ("0.6 left left left left left 1", 0, "paused"),
             ("end 1 space 0.2", 1, ""),
             ("end 1 r 0.2", 1, ""),
@@ -70,21 +69,20 @@ class TestWatching:
             ("up 0.2", 2, "speed 2\N{MULTIPLICATION SIGN}"),
             ("- - - -", 0, "speed 0.25\N{MULTIPLICATION SIGN}"),
             ("+ + + + + +", 0, "speed 8\N{MULTIPLICATION SIGN}"),
-            ("held-n held-p held-h held-r 0.3", 1.5, "seed 3"),
         ],
     )
     def test_keys_and_time(self, script, step, status):
-        """A script has names of keys, also of keys held down, and seconds."""
+        """A script has names of keys, and seconds."""
         player = watching()
         recording = player.recording
         for word in script.split():
             if word[0].isdigit():
                 player.advance(float(word))
             else:
-                player.press(word.removeprefix("held-"), repeated=word.startswith("held-"))
+                player.press(word)
         assert step_of(player) == pytest.approx(step)
         assert status in player.status
-        assert not player.quits and not player.shows_keys and player.view == "matrix"
+        assert not player.quits and player.view == "matrix"
         assert player.recording is recording
 
     def test_the_next_seed(self):
@@ -215,12 +213,12 @@ class TestFlying:
         assert player.hint == ""
 
     def test_a_flight_can_be_watched_once_it_has_ended(self, player, actions):
-        assert "search" in [meaning for _, meaning, _ in player.keys]
+        assert ("Space", "search") in player.keys
         for _ in range(LAST):
             player.press("space")
         assert player.moment[0].hide_persons
         player.advance(60)
-        assert player.is_at_end and "step" in [meaning for _, meaning, _ in player.keys]
+        assert player.is_at_end and ("Left, Right", "step") in player.keys
         assert not player.moment[0].hide_persons
         player.press("left")
         assert step_of(player) == LAST - 1

@@ -76,7 +76,7 @@ def test_a_file_of_tracks_is_relative_to_the_search(tmp_path: Path) -> None:
         ("[1]", "'list' object is not a mapping"),
         ('{"grid": 3}', "a scenario has the parameters grid_size, .* got 'grid'"),
         ('{"drones_positions": 3}', "drones_positions must be a list of cells, got 3"),
-        ('{"drones_positions": [[1, 1], [1, 1]]}', "drones_positions must hold different cells"),
+        ('{"drones_positions": [[1, 1], [1, 1]]}', "drones must hold different cells"),
         ('{"drones_positions": [[1, 1]], "n_drones": 2}', "must hold 2 cells"),
         ('{"persons": [{"tracks": {"file": "a.npz", "sha256": ""}}]}', "there is no .*a.npz"),
         ('{"scale": {"metres": 3}}', "unexpected keyword argument 'metres'"),

@@ -95,7 +95,7 @@ PERSONS = {
     "two": [follower(1.0), follower(0.6, TRACKS[1:])],
     "mixed": [follower(0.9), USUAL],
     "chain": [CHAIN],
-    "chains": [CHAIN, replace(CHAIN, fine=1, probability_of_detection=0.6)],
+    "chains": [CHAIN, replace(CHAIN, fine=1, classes=3, probability_of_detection=0.6)],
     "chain and usual": [CHAIN, USUAL],
 }
 

@@ -33,16 +33,17 @@ def histogram(tracks: Tracks, step: int, size: int = SIZE) -> np.ndarray:
 @given(
     seed=st.integers(0, 99),
     fine=st.integers(1, 3),
+    classes=st.integers(1, 4),
     size=st.integers(2, 6),
     is_weighted=st.booleans(),
 )
-def test_the_matrix_is_the_histogram_of_the_tracks(seed, fine, size, is_weighted):
+def test_the_matrix_is_the_histogram_of_the_tracks(seed, fine, classes, size, is_weighted):
     rng = np.random.default_rng(seed)
     moves = rng.normal((0.1, 0), 0.4, (8, 50, 2)).clip(-1, 1)
     tracks = Tracks(
         moves.cumsum(axis=0).clip(-0.4, size - 0.6), rng.random(50) if is_weighted else None
     )
-    model = Person(tracks, fine=fine).model(size)
+    model = Person(tracks, fine=fine, classes=classes).model(size)
     mass, value = model.joint(0), rng.random(model.state_shape)
     for step in range(9):  # the tracks have 7 steps
         expected = histogram(tracks, min(step, 7), size)
@@ -53,9 +54,9 @@ def test_the_matrix_is_the_histogram_of_the_tracks(seed, fine, size, is_weighted
         mass = after
 
 
-@pytest.mark.parametrize("fine", [1, 2])
-def test_persons_are_where_the_matrix_says_and_go_where_tracks_went(fine):
-    model, count = Person(TRACKS, fine=fine).model(SIZE), 20_000
+@pytest.mark.parametrize(("fine", "classes"), [(1, 1), (2, 1), (2, 3)])
+def test_persons_are_where_the_matrix_says_and_go_where_tracks_went(fine, classes):
+    model, count = Person(TRACKS, fine=fine, classes=classes).model(SIZE), 20_000
     cells = np.clip(np.rint(TRACKS.positions), 0, SIZE - 1).astype(int) @ [1, SIZE]
     rng = np.random.default_rng(0)
     states = model.start(rng.random(count))
@@ -129,6 +130,7 @@ def test_splits_are_random_parts():
     assert 0.35 < even < 0.65
     assert fitted.weights.sum() == pytest.approx(1)
     assert not np.array_equal(TRACKS.split(0.2)[1].positions, held_out.positions)
+    assert len(TRACKS.thin(100)) == 100
 
 
 def test_tracks_that_end_in_nan_stay():
@@ -159,12 +161,12 @@ def test_files_give_the_same_person(tmp_path):
     for step in (0, 5, STEPS):
         a, b = (Person(each).model(SIZE).joint(step) for each in (TRACKS, tracks))
         np.testing.assert_allclose(a, b, atol=1e-15)
-    scenario = Scenario(SIZE, persons=Person(tracks, 0.8, fine=3), timestep_limit=STEPS)
+    scenario = Scenario(SIZE, persons=Person(tracks, 0.8, classes=2), timestep_limit=STEPS)
     scenario.to_dict()["persons"][0]["tracks"]["file"] = "another"  # a copy
     data = json.loads(json.dumps(scenario.to_dict()))
     assert Scenario.from_dict(data) == scenario
     assert tracks.to_dict()["sha256"] == data["persons"][0]["tracks"]["sha256"]
-    TRACKS.split()[0].save(path)
+    TRACKS.thin(500).save(path)
     with pytest.raises(ValueError, match="its SHA-256 was saved; it has changed"):
         Scenario.from_dict(data)
     arrays = Scenario(SIZE, persons=Person(TRACKS), timestep_limit=STEPS).to_dict()
@@ -216,6 +218,8 @@ def test_bad_parameters_are_rejected(tmp_path):
     pair, tracks = Tracks(PAIR), TRACKS
     with pytest.raises(ValueError, match="fine must be an integer from 1 to 4, got 5"):
         Person(tracks, fine=5)
+    with pytest.raises(ValueError, match="classes must be an integer of at least 1, got 0"):
+        Person(tracks, classes=0)
     for drifts, other in ((Drift((0, 0)), tracks), ((), "drift.nc")):
         with pytest.raises(TypeError, match="tracks must be Tracks in place of drifts"):
             Person(drifts, tracks=other)
@@ -223,8 +227,10 @@ def test_bad_parameters_are_rejected(tmp_path):
         Scenario(3, persons=Person(pair), timestep_limit=4)
     with pytest.raises(ValueError, match=r"held_out must leave tracks in both parts, got 0.1"):
         pair.split(0.1)
+    with pytest.raises(ValueError, match="n must be an integer from 1 to 2"):
+        pair.thin(3)
     with pytest.raises(ValueError, match="seed must be an integer of at least 0, got -1"):
-        pair.split(0.5, seed=-1)
+        pair.thin(1, seed=-1)
     with pytest.raises(ValueError, match=r"path must end in \.npz"):
         pair.save(tmp_path / "tracks.txt")
     np.savez(tmp_path / "other.npz", a=1)
@@ -242,6 +248,6 @@ def test_too_few_tracks_and_a_small_grid_are_warned_of():
     with pytest.warns(
         UserWarning, match=r"40 tracks are few: of a quarter held out, \d+% .*take more tracks"
     ):
-        Person(Tracks(TRACKS.positions[:, :40]))
+        Person(TRACKS.thin(40))
     with pytest.warns(UserWarning, match="of tracks leave the grid of 3 x 3 cells"):
         Person(TRACKS).model(3)

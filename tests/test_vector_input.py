@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from batches import DRONES, NAN, POD, seen
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, ResetNeeded
 from DroneSwarmSearch.vector import SearchBatch
 
 BAD_ACTIONS: list[tuple[Any, type[Exception], str]] = [
@@ -93,6 +94,39 @@ def test_rows_are_those_of_numpy() -> None:
     assert batch.probabilities([2, 0], cells).tolist() == [matrices[0, 0, 0], matrices[1, 0, 5]]
     batch.reset(None, np.array([False, True, True]))
     assert batch.steps.tolist() == [1, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("grid_size", lambda: SearchBatch(1, grid_size=10**7)),
+        ("timestep_limit", lambda: SearchBatch(1, timestep_limit=10**12, wants_table=True)),
+    ],
+)
+def test_a_batch_that_does_not_fit_in_memory_is_refused_by_name(
+    name: str, make: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(  # a machine of 1 TiB
+        os, "sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 2**28}.get, raising=False
+    )
+    with pytest.raises(ValueError, match=rf"{name}.* must be smaller: with .*{name}=.* GiB"):
+        make()
+
+
+def test_a_table_that_a_reset_would_let_grow_too_large_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    batch = SearchBatch(8, grid_size=40, situations=[[Person(Drift((0, 0)))]], wants_table=True)
+    batch.reset(range(8))
+    before = pickle.dumps(batch)
+    monkeypatch.setattr(  # 4 MiB
+        os, "sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 2**10}.get, raising=False
+    )
+    with pytest.raises(
+        ValueError, match=r"timestep_limit must be smaller: .* 8 different forecasts"
+    ):
+        batch.reset(range(8), situations=[[Person(Drift((x, 0)))] for x in range(8)])
+    assert pickle.dumps(batch) == before
 
 
 # For three rows of two drones on 7 x 7 cells.

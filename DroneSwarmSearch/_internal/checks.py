@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 import operator
+import os
+import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from numbers import Real
@@ -162,6 +164,29 @@ def numbers(name: str, value: object, what: str) -> NDArray[Any]:
     if given.dtype.kind not in "iuf":
         raise TypeError(f"{name} must be {what}, got {value!r:.100}")
     return given
+
+
+def fits(what: str, size: int, **parameters: object) -> None:
+    """ValueError if something of at least `size` bytes exceeds the machine's memory.
+
+    The message names the parameters that determine the size.
+    """
+    memory = _memory()
+    if size <= memory:
+        return
+    given = ", ".join(f"{name}={value!r:.100}" for name, value in parameters.items())
+    raise ValueError(
+        f"{' or '.join(parameters)} must be smaller: with {given}, {what} would take at "
+        f"least {-(-size // 2**30):,} GiB, and this machine has {memory // 2**30:,}"
+    )
+
+
+def _memory() -> int:
+    """The machine's memory in bytes; the largest address where the system does not report it."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):  # Windows, for one
+        return sys.maxsize
 
 
 def array(name: str, value: object, what: str) -> NDArray[Any]:

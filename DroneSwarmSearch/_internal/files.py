@@ -48,5 +48,4 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write text as UTF-8, with its line ends unchanged, as `write_bytes` does."""
-    # The text may contain paths that are not valid Unicode.
-    write_bytes(path, text.encode(errors="backslashreplace"))
+    write_bytes(path, text.encode())

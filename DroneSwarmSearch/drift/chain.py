@@ -1,8 +1,8 @@
 """The drift model of tracks: a Markov chain whose probabilities are counted from them.
 
-Track p has the weight w_p, and is in the state s_p(t) at step t: a part of a cell. With n_t(s), the
-weight of the tracks in s at t, and N_t(s, s'), that of those in s at t and in s' at t + 1, the
-person is the Markov chain
+Track p has the weight w_p, and is in the state s_p(t) at step t: a part of a cell, and a class that
+never changes. With n_t(s), the weight of the tracks in s at t, and N_t(s, s'), that of those in s
+at t and in s' at t + 1, the person is the Markov chain
 
     P(S_0 = s) = n_0(s),    P(S_{t+1} = s' | S_t = s) = N_t(s, s') / n_t(s).
 
@@ -55,19 +55,20 @@ class _Step(NamedTuple):
 class Chain(DriftModel):
     """The Markov chain of some tracks; nobody moves after the last step of the tracks.
 
-    A layer of mass holds one part of each cell that some track visits: mass has the shape
-    (fine², R, N). `Tracks.chain` makes chains, and keeps them.
+    A layer of mass holds one part of each cell that some track visits, for one class: mass has the
+    shape (classes * fine², R, N). `Tracks.chain` makes chains, and keeps them.
     """
 
-    def __init__(self, tracks: Tracks, grid_size: int, fine: int) -> None:
-        self.key = self._tracks, self.grid_size, self._fine = tracks, grid_size, fine
-        self.weights = np.ones(1)
+    def __init__(self, tracks: Tracks, grid_size: int, fine: int, classes: int) -> None:
+        self.key = self._tracks, self.grid_size, self._fine, _ = tracks, grid_size, fine, classes
+        self._labels = _class_labels(tracks, classes)
+        self.weights = _sums(self._labels, tracks.weights)
         visited = np.zeros(grid_size**2, np.bool_)
         for step in range(tracks.steps + 1):
             x, y = fine_cells(tracks.positions[step], grid_size, 1)
             visited[y * grid_size + x] = True
         self.kept_cells = visited.nonzero()[0]
-        self._shape = fine**2, *super().state_shape[1:]
+        self._shape = len(self.weights) * fine**2, *super().state_shape[1:]
         self._at = lru_cache(maxsize=1)(self._states_at)  # for the next step's table
         self._steps: dict[int, _Step] = {}
 
@@ -193,7 +194,7 @@ class Chain(DriftModel):
         """The fine cell of each track at a step, x and y, and its state."""
         size, fine = self.grid_size, self._fine
         x, y = fine_cells(self._tracks.positions[step], size, fine)
-        part = y % fine * fine + x % fine
+        part = (self._labels * fine + y % fine) * fine + x % fine
         return x, y, part * self.layer + self.places[y // fine * size + x // fine]
 
 
@@ -210,6 +211,24 @@ def fine_cells(positions: Floats, grid_size: int, fine: int) -> Ints:
     """
     cells = np.floor((positions.T + 0.5) * fine).astype(np.int64)
     return np.clip(cells, 0, grid_size * fine - 1, out=cells)
+
+
+def _class_labels(tracks: Tracks, classes: int) -> Ints:
+    """The class of each track, (P,), by its positions at six steps.
+
+    The class with the largest sum of squares along one of these is split at its median, and so on.
+    """
+    steps = np.linspace(0, tracks.steps, 6).round().astype(np.int64)
+    features = np.concatenate(tracks.positions[steps], axis=1)  # (P, 12)
+    labels = np.zeros(len(features), np.int64)
+    for new in range(1, classes):
+        spreads = np.array(
+            [features[labels == each].var(axis=0) * (labels == each).sum() for each in range(new)]
+        )
+        widest, feature = np.unravel_index(spreads.argmax(), spreads.shape)
+        values = np.where(labels == widest, features[:, feature], -np.inf)
+        labels[values > np.median(values[labels == widest])] = new
+    return labels
 
 
 class ChainForecasts(Forecasts):

@@ -21,8 +21,6 @@ MAX_DIFFUSION = 2 / 3
 
 _ROUNDING = 1e-12
 
-_SAMPLED_STEPS = 33
-
 Vector = tuple[float, float] | Floats | Mapping[int, tuple[float, float]]
 
 
@@ -182,7 +180,7 @@ class Drift:
         return cls(**data)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class Person:
     """A person to find: one or more hypotheses about the drift, one of which is true, or tracks.
 
@@ -202,6 +200,8 @@ class Person:
         tracks: the tracks, or None.
         fine: with tracks, where a person goes next depends on one of fine² parts of the cell; from
             1 to 4. With 1, plans promise more than they find; 3 and 4 need many tracks.
+        classes: with tracks, the number of groups of similar tracks; a person belongs to one of
+            them for good. Time and memory grow with it.
         survival: the probability of being alive, entry t after t completed steps, and the last
             entry from then on; never increasing. Any array or sequence; a tuple is kept. Plans,
             policies, `RewardScheme.expected` and `Evaluation.success_alive` weigh finds by it; it
@@ -219,6 +219,7 @@ class Person:
     probability_of_detection: float = 1.0
     tracks: Tracks | None = field(default=None, kw_only=True)
     fine: int = field(default=2, kw_only=True)
+    classes: int = field(default=1, kw_only=True)
     survival: Sequence[float] | Floats | None = field(default=None, kw_only=True, repr=False)
     searched: Sequence[Sequence[tuple[int, int]]] = field(default=(), kw_only=True, repr=False)
 
@@ -230,6 +231,7 @@ class Person:
         steps = checks.items("searched", self.searched, "cells (x, y) for each step")
         object.__setattr__(self, "searched", tuple(map(_cells_of_step, enumerate(steps))))
         checks.integer("fine", self.fine, 1, 4)
+        checks.integer("classes", self.classes, 1)
         given: object = self.drifts
         if isinstance(given, Tracks):
             object.__setattr__(self, "drifts", ())
@@ -247,12 +249,6 @@ class Person:
             if not isinstance(drift, Drift):
                 raise TypeError(f"drifts[{place}] must be a Drift, got {drift!r}")
         object.__setattr__(self, "drifts", tuple(drifts))
-
-    def __repr__(self) -> str:
-        detection = f"probability_of_detection={self.probability_of_detection!r}"
-        if self.tracks is None:
-            return f"Person(drifts={self.drifts!r}, {detection})"
-        return f"Person({self.tracks!r}, {detection}, fine={self.fine})"
 
     def alive(self, step: int) -> float:
         """The probability of being alive after a number of completed steps, from `survival`."""
@@ -285,7 +281,7 @@ class Person:
         """A hashable key of the drifts and weights; equal for equal forecasts."""
         earlier = self.searched and (self.searched, self.probability_of_detection)
         if self.tracks is not None:
-            return self.tracks, self.fine, earlier
+            return self.tracks, self.fine, self.classes, earlier
         return (*(drift.key for drift in self.drifts), self.weights, earlier)
 
     def model(self, grid_size: int) -> DriftModel:
@@ -295,7 +291,7 @@ class Person:
 
         model: DriftModel
         if self.tracks is not None:
-            model = self.tracks.chain(grid_size, self.fine)
+            model = self.tracks.chain(grid_size, self.fine, self.classes)
         else:
             model = ProbabilityMatrix(grid_size, self)
         return Resumed(model, self) if self.searched else model
@@ -315,7 +311,8 @@ class Person:
 
         float64, (2, 2), in cells, on a grid without borders; no start may be an array.
         """
-        steps = {len(self.searched) + step for step in _some_steps(last)}
+        # A forecast comes and goes smoothly: 33 steps stand for all.
+        steps = {len(self.searched) + round(last * part / 32) for part in range(33)}
         if self.tracks is not None:
             parts = [self.tracks.positions[min(step, self.tracks.steps)] for step in steps]
             corners = np.array([np.quantile(part, (0.001, 0.999), axis=0) for part in parts])
@@ -338,7 +335,7 @@ class Person:
             data["searched"] = [[list(cell) for cell in cells] for cells in self.searched]
         if self.tracks is None:
             return {"drifts": [drift.to_dict() for drift in self.drifts], **data}
-        return {"tracks": self.tracks.to_dict(), "fine": self.fine, **data}
+        return {"tracks": self.tracks.to_dict(), "fine": self.fine, "classes": self.classes, **data}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Person:
@@ -353,11 +350,6 @@ class Person:
             except (TypeError, ValueError) as error:
                 raise type(error)(f"drifts[{place}]: {error}") from None
         return cls(**{**values, "drifts": drifts})
-
-
-def _some_steps(last: int) -> set[int]:
-    """A few steps from the first to the last: a forecast comes and goes smoothly."""
-    return {round(last * part / (_SAMPLED_STEPS - 1)) for part in range(_SAMPLED_STEPS)}
 
 
 def _cells_of_step(entry: tuple[int, object]) -> tuple[tuple[int, int], ...]:

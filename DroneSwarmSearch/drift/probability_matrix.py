@@ -82,6 +82,7 @@ class ProbabilityMatrix(DriftModel):
             raise TypeError(f"person must be a Person or a Drift, got {person!r}")
         person.check_grid(size)
         hypotheses = len(person.drifts)
+        checks.fits("a matrix", 4 * size**2 * hypotheses, grid_size=size)
         self.person = person
         self.key = size, person.key
         self.weights = np.array(person.weights)

@@ -135,14 +135,21 @@ class Tracks:
         fitted, held = (Tracks(self.positions[:, part], self.weights[part]) for part in parts)
         return fitted, held
 
+    def thin(self, n: int, seed: int = 0) -> Tracks:
+        """Keep n of the tracks, drawn at random without replacement."""
+        count, seed = checks.integer("n", n, 1, len(self)), checks.integer("seed", seed, 0)
+        kept = np.random.default_rng(seed).permutation(len(self))[:count]
+        return Tracks(self.positions[:, kept], self.weights[kept])
+
     # The drift model.
 
-    def chain(self, grid_size: int, fine: int = 2) -> Chain:
-        """The drift model of the tracks on a grid; see `Person` for `fine`."""
-        key = grid_size, fine
+    def chain(self, grid_size: int, fine: int = 2, classes: int = 1) -> Chain:
+        """The drift model of the tracks on a grid; see `Person` for the arguments."""
+        key = grid_size, fine, classes
         if key not in self._chains:
-            off = max(self._beyond(grid_size, step) for step in self._some_steps)
-            if off > MOST_BEYOND:
+            cells = np.floor(self.positions[self._some_steps] + 0.5)
+            is_off = ((cells < 0) | (cells >= grid_size)).any(axis=2)
+            if (off := (is_off @ self.weights).max()) > MOST_BEYOND:
                 warnings.warn(
                     f"{off:.1%} of tracks leave the grid of {grid_size} x {grid_size} cells, "
                     "and count as in its outer cells: take a larger grid, or larger cells",
@@ -150,11 +157,6 @@ class Tracks:
                 )
             self._chains[key] = Chain(self, *key)
         return self._chains[key]
-
-    def _beyond(self, grid_size: int, step: int) -> float:
-        """The share of the tracks that are off the grid at a step."""
-        cells = np.floor(self.positions[min(step, self.steps)] + 0.5)
-        return float(self.weights @ ((cells < 0) | (cells >= grid_size)).any(axis=1))
 
     def check_number(self, fine: int) -> None:
         """Warn if the tracks are too few for cells of `fine` by `fine` parts."""
@@ -199,7 +201,7 @@ class Tracks:
     # Files.
 
     def save(self, path: str | Path, fine: int = 2) -> None:
-        """Write a compact ``.npz`` for `read`: with this `fine`, the same person."""
+        """Write a compact ``.npz`` for `read`: with this `fine` and one class, the same person."""
         if Path(path).suffix != ".npz":
             raise ValueError(f"path must end in .npz, got {str(path)!r}")
         parts = np.floor((self.positions + 0.5) * checks.integer("fine", fine, 1, 4))

@@ -6,12 +6,12 @@ import argparse
 import inspect
 import sys
 import traceback
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from DroneSwarmSearch import demo, policies
-from DroneSwarmSearch._internal.errors import printed_warnings
 from DroneSwarmSearch.evaluation import board, exporting, recording, suite
 from DroneSwarmSearch.evaluation.results import Evaluation, csv_text, save_csv
 from DroneSwarmSearch.evaluation.run import bounds_of, check_names, manifest
@@ -31,7 +31,10 @@ def run(options: argparse.Namespace) -> int:
     """Run a command and return its exit code; errors that this package raises take one line."""
     code = FAILED
     try:
-        _COMMANDS[options.command](options)
+        with warnings.catch_warnings():
+            warnings.simplefilter("default", UserWarning)
+            warnings.showwarning = lambda text, *_, **__: print(f"warning: {text}", file=sys.stderr)
+            _COMMANDS[options.command](options)
         return 0
     except KeyboardInterrupt:
         reason, code = "interrupted", INTERRUPTED
@@ -96,7 +99,7 @@ def _bound(options: argparse.Namespace) -> None:
 
 
 def _record(options: argparse.Namespace) -> None:
-    search = _search(options.search)
+    search = suite.search(options.search)
     how = {"seed": options.seed, "bayesian_update": options.posterior, "fps": options.fps}
     video = recording.record(options.policy, search, options.out, **how)
     outcome = outcome_in_brief(video.last)
@@ -104,7 +107,7 @@ def _record(options: argparse.Namespace) -> None:
 
 
 def _export(options: argparse.Namespace) -> None:
-    search = _search(options.search)
+    search = suite.search(options.search)
     how = {"seeds": options.seeds, "bayesian_update": options.posterior}
     data = exporting.export(options.policies, search, options.out, **how)
     count = len(data["episodes"])
@@ -143,17 +146,12 @@ def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leader
 def _searches(options: argparse.Namespace) -> list[NamedSearch]:
     """The searches of the suite or of files, with another mission if one is given."""
     every = [name for each in options.searches for name in (SUITE if each == "all" else [each])]
-    found = [_search(name) for name in dict.fromkeys(every)]
+    found = [suite.search(name) for name in dict.fromkeys(every)]
     check_names("searches", found)
     mission = getattr(options, "mission", None)
     if mission is not None:
         found = [replace(each, scenario=each.scenario.replace(mission=mission)) for each in found]
     return found
-
-
-def _search(name: str) -> NamedSearch:
-    with printed_warnings(f"{name}: "):
-        return suite.search(name)
 
 
 def _print_suite() -> None:

@@ -23,6 +23,8 @@ from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
+Maps = dict[tuple[float, bytes], int]  # the number of each map, by its maximum and percentages
+
 
 def export(
     policies: Iterable[object],
@@ -73,7 +75,7 @@ def export(
     specs = [PolicySpec.of(policy) for policy in policies]
     numbers = [checks.integer("seeds", seed, 0) for seed in seeds]
 
-    maps, episodes = _Maps(), []
+    maps, episodes = Maps(), []
     title, total = f"episodes of {where.name}", len(specs) * len(numbers)
     with replacing(Path(path)) as spare, Progress(title, total) as bar:
         for spec in specs:
@@ -87,7 +89,7 @@ def export(
             "version": 1,  # of the format
             "package": DroneSwarmSearch.__version__,
             "search": _description(where),
-            "maps": maps.data(),
+            "maps": _packed(maps),
             "episodes": episodes,
         }
         text = json.dumps(data, separators=(",", ":"), allow_nan=False)
@@ -110,7 +112,7 @@ def _description(search: NamedSearch) -> dict[str, Any]:
     }
 
 
-def _episode(played: Sequence[tuple[Frame, tuple[int, ...]]], maps: _Maps) -> dict[str, Any]:
+def _episode(played: Sequence[tuple[Frame, tuple[int, ...]]], maps: Maps) -> dict[str, Any]:
     frames, actions = zip(*played, strict=True)
     last = frames[-1]
     persons = []
@@ -125,29 +127,23 @@ def _episode(played: Sequence[tuple[Frame, tuple[int, ...]]], maps: _Maps) -> di
         "persons": persons,
         "success": [round(frame.probability_of_success or 0.0, 4) for frame in frames],
         "returns": [round(frame.total_return or 0.0, 1) for frame in frames],
-        "prior": [maps.number(frame.prior) for frame in frames],
-        "posterior": [maps.number(frame.matrix) for frame in frames],
+        "prior": [_number(frame.prior, maps) for frame in frames],
+        "posterior": [_number(frame.matrix, maps) for frame in frames],
     }
 
 
-class _Maps:
-    """Numbers the different maps of a file in the order in which they occur."""
+def _number(matrix: NDArray[np.float32], maps: Maps) -> int:
+    """The number of a map; the next one if it differs from all before it."""
+    percent = np.rint(shares_of_maximum(matrix) * 100).astype(np.uint8)
+    return maps.setdefault((float(f"{matrix.max():.4g}"), percent.tobytes()), len(maps))
 
-    def __init__(self) -> None:
-        self._numbers: dict[tuple[float, bytes], int] = {}
 
-    def number(self, matrix: NDArray[np.float32]) -> int:
-        """The number of a map; a new one if it differs from all before it."""
-        percent = np.rint(shares_of_maximum(matrix) * 100).astype(np.uint8)
-        key = float(f"{matrix.max():.4g}"), percent.tobytes()
-        return self._numbers.setdefault(key, len(self._numbers))
-
-    def data(self) -> dict[str, Any]:
-        every = np.stack([np.frombuffer(cells, np.uint8) for _, cells in self._numbers], axis=1)
-        differences = np.diff(every, axis=1, prepend=np.zeros((len(every), 1), np.uint8))
-        packed = zlib.compress(differences.tobytes(), 9)
-        return {
-            "count": len(self._numbers),
-            "maxima": [most for most, _ in self._numbers],
-            "data": base64.b64encode(packed).decode("ascii"),
-        }
+def _packed(maps: Maps) -> dict[str, Any]:
+    every = np.stack([np.frombuffer(cells, np.uint8) for _, cells in maps], axis=1)
+    differences = np.diff(every, axis=1, prepend=np.zeros((len(every), 1), np.uint8))
+    packed = zlib.compress(differences.tobytes(), 9)
+    return {
+        "count": len(maps),
+        "maxima": [most for most, _ in maps],
+        "data": base64.b64encode(packed).decode("ascii"),
+    }

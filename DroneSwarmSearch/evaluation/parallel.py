@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -21,14 +20,14 @@ def finished(
     at the end.
     """
     count = checks.integer("workers", workers, 1)
-    with Progress(what, len(calls), progress) as bar, contextlib.ExitStack() as stack:
+    with Progress(what, len(calls), progress) as bar:
         results: Any = (call() for call in calls)
         if calls and (ray is not None or count > 1):
             joblib = _imported("joblib", "workers > 1 needs the package joblib", "evaluation")
             options: dict[str, Any] = {"n_jobs": count, "return_as": "generator"}
             if ray is not None:
-                stack.enter_context(_ray_backend(joblib, ray))
-                options = {"n_jobs": -1, "return_as": "list"}
+                _use_ray(ray)
+                options = {"n_jobs": -1, "return_as": "list", "backend": "ray"}
             run = joblib.Parallel(batch_size=1, **options)
             results = run(joblib.delayed(call)() for call in calls)
         for done, result in enumerate(results, 1):
@@ -36,21 +35,13 @@ def finished(
             yield result
 
 
-@contextlib.contextmanager
-def _ray_backend(joblib: Any, address: str) -> Iterator[None]:
-    """Make Ray the backend of joblib; Ray is started, and stopped, if it was not running."""
+def _use_ray(address: str) -> None:
+    """Make Ray a backend of joblib; Ray is started if it is not running."""
     modules = ("ray", "ray.util.joblib")
     ray, backend = (_imported(name, "ray needs the package Ray", "ray") for name in modules)
-    is_ours = not ray.is_initialized()
-    if is_ours:
+    if not ray.is_initialized():
         ray.init(address=address, log_to_driver=False, logging_level="error")
     backend.register_ray()
-    try:
-        with joblib.parallel_config(backend="ray"):
-            yield
-    finally:
-        if is_ours:
-            ray.shutdown()
 
 
 def _imported(module: str, reason: str, extra: str) -> Any:

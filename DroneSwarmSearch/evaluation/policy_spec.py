@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
@@ -66,12 +65,9 @@ class PolicySpec:
         elif policy in POLICIES:
             found, file = POLICIES[policy], None
         else:
-            hint = did_you_mean(policy, POLICIES)
-            if policy.endswith(".py"):
-                hint = f"; name an attribute of the file, too, as in '{policy}:policy'"
             raise ValueError(
                 f"policy must be one of {', '.join(POLICIES)}, 'weights.npz', "
-                f"'module:attribute' or 'file.py:attribute', got {policy!r:.100}{hint}"
+                f"'module:attribute' or 'file.py:attribute', got {policy!r:.100}"
             )
         source = {"policy": policy}
         if file is not None:

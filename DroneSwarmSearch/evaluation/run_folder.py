@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -33,10 +32,7 @@ class RunFolder:
             return
         place, before = self.path / MANIFEST, {}
         if place.is_file():
-            try:
-                before = json.loads(place.read_bytes())
-            except ValueError as error:
-                raise ValueError(f"{place} must hold the manifest of a run: {error}") from error
+            before = json.loads(place.read_bytes())
         for key in before.keys() & manifest.keys():
             if before[key] != manifest[key]:
                 raise ValueError(
@@ -46,16 +42,11 @@ class RunFolder:
         write_text(place, json.dumps({**before, **manifest}, indent=1) + "\n")
 
     def load(self, name: str, kind: Callable[..., Result]) -> Result | None:
-        """A finished result; None if there is none, or its file is damaged."""
-        if self.path is None:
+        """A finished result; None if there is none."""
+        if self.path is None or not self._place(self.path, name).is_file():
             return None
-        try:
-            with np.load(self._place(self.path, name)) as file:
-                return kind(
-                    **{key: each if each.ndim else each.item() for key, each in file.items()}
-                )
-        except (OSError, TypeError, ValueError, BadZipFile):
-            return None
+        with np.load(self._place(self.path, name)) as file:
+            return kind(**{key: each if each.ndim else each.item() for key, each in file.items()})
 
     def save(self, name: str, result: object) -> None:
         """Write a finished result; raises StorageError if that fails. Earlier results are kept."""

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
 
@@ -127,9 +126,8 @@ def search(name: str) -> NamedSearch:
         except (OSError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: {error}") from error
     if name not in SUITE:
-        hint = did_you_mean(name, SUITE)
         raise ValueError(
-            f"search must be one of {', '.join(SUITE)}, got {name!r:.100}{hint} "
+            f"search must be one of {', '.join(SUITE)}, got {name!r:.100} "
             "(`python -m DroneSwarmSearch evaluate --list` describes them)"
         )
     return SUITE[name]
@@ -154,8 +152,6 @@ def _named(data: Mapping[str, Any]) -> NamedSearch:
     drones = checks.items("drones_positions", rest.pop("drones_positions", []), "a list of cells")
     scenario = Scenario.from_dict({"n_drones": len(drones), **rest} if drones else rest)
     cells: Any = drones
-    if drones:
-        scenario.drone_cells(drones)
     return NamedSearch(name, reason, scenario, cells, scale and Scale(**scale))
 
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.layouts import LAYOUTS
 
-FORMS = ("swarm", "drone", "parallel")
-
 
 @dataclass(frozen=True)
 class View:
@@ -41,12 +39,10 @@ class View:
     bayesian_update: bool | None = None
 
     def __post_init__(self) -> None:
-        checks.choice("view", self.form, FORMS)
+        checks.choice("view", self.form, ("swarm", "drone", "parallel"))
         checks.choice("observation", self.observation, tuple(LAYOUTS))
         if self.form == "parallel" and self.observation != "dict":
             raise ValueError(f"view='parallel' needs observation='dict', got {self.observation!r}")
-        for name in ("action_mask", "right_of_way"):
-            checks.boolean(name, getattr(self, name))
         if self.right_of_way and not self.action_mask:
             raise ValueError("right_of_way=True needs action_mask=True, got action_mask=False")
 

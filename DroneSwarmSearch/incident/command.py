@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch import leeway
-from DroneSwarmSearch._internal.errors import printed_warnings
 from DroneSwarmSearch.incident.flight_plan import POLICIES, QUICK, FlightPlan
 from DroneSwarmSearch.incident.report import Incident
 
@@ -63,8 +62,7 @@ def run(options: argparse.Namespace) -> None:
     """Plan, write the folder, and print one screen."""
     from DroneSwarmSearch.incident import chart  # noqa: F401 (fails now, and not after planning)
 
-    with printed_warnings():
-        plan = _incident(options).plan(options.policy)
+    plan = _incident(options).plan(options.policy)
     plan.save(options.out)
     print(f"{summary(plan)}\nWritten to {options.out}.")
 

@@ -43,6 +43,9 @@ FARTHEST = 100_000.0
 MOST_STATES = 40_000
 """The most cells times hypotheses: planning for more takes minutes and gigabytes."""
 
+DIFFUSIVITY = 5.0
+"""Of the turbulent sea in m²/s, the default of `leeway.person`."""
+
 LEAST_SIZE = 12
 """Cells along each side of the smallest grid."""
 
@@ -375,10 +378,19 @@ class Incident:
             wind=self.wind,
             current=self.current,
             adrift=(begin - self.time).total_seconds(),
+            diffusivity=DIFFUSIVITY,
             scale=scale,
             probability_of_detection=detected,
         )
-        return replace(person, searched=searched)
+        # The diffusion that stands for jibes during the search must not widen the drift before it.
+        alone = scale.diffusion(DIFFUSIVITY)
+        before = person.drifts[0].adrift
+        share = steps / (2 * before + steps)
+        drifts = [
+            replace(each, diffusion=alone + share * (each.diffusion - alone))
+            for each in person.drifts
+        ]
+        return Person(tuple(drifts), detected, searched=searched)
 
 
 def _seconds(seconds: float) -> timedelta:

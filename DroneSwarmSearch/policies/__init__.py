@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.policies.base import BatchPolicy, SwarmPolicy
 from DroneSwarmSearch.policies.greedy import (
     ForecastGreedyPolicy,
@@ -70,6 +69,5 @@ def make(name: str, scenario: Scenario) -> BatchPolicy:
     if name not in POLICIES:
         raise ValueError(
             f"name must be one of {', '.join(POLICIES)}, or a file of weights (.npz), got {name!r}"
-            + did_you_mean(name, POLICIES)
         )
     return POLICIES[name](scenario)

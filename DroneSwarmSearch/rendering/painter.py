@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.labels import percent
 from DroneSwarmSearch.rendering.palette import GREY, INK, PAPER, WHITE, Look
-from DroneSwarmSearch.rendering.panel import draw_panel, panel_size
+from DroneSwarmSearch.rendering.panel import HEIGHT, WIDTH, draw_panel
 from DroneSwarmSearch.rendering.search_map import (
     BOTTOM,
     LEFT,
@@ -45,7 +45,7 @@ class Painter:
         lefts = [0] if view == "matrix" else [0, width]
         self._map_areas = [pygame.Rect(left, HEAD, width, height) for left in lefts]
         right = self._map_areas[-1].right
-        self._panel_area = pygame.Rect((right + GAP, HEAD + TOP), panel_size(self._map.side))
+        self._panel_area = pygame.Rect(right + GAP, HEAD + TOP, WIDTH, HEIGHT)
         self._reason_top = max(self._panel_area.bottom + BOTTOM, HEAD + height)
         width = self._panel_area.right + RIGHT
         self._reason = textwrap.wrap(reason, (width - LEFT - RIGHT) // REASON_LETTER)
@@ -104,6 +104,4 @@ class Painter:
 
 def to_array(surface: pygame.Surface) -> NDArray[np.uint8]:
     """A surface as a new uint8 array of shape (height, width, 3)."""
-    width, height = surface.get_size()
-    pixels = np.frombuffer(pygame.image.tobytes(surface, "RGB"), np.uint8)
-    return pixels.reshape(height, width, 3).copy()
+    return np.ascontiguousarray(pygame.surfarray.array3d(surface).swapaxes(0, 1))

@@ -21,27 +21,15 @@ FLIGHT_KEYS = {
     **{"space": Action.SEARCH, "i": Action.IDLE, ".": Action.IDLE},
 }
 
-KeyHelp = tuple[str, str, str]  # keys, what they do in a word or two, and in detail
+# Keys, and what they do.
 WATCHING = (
-    ("Space", "play, pause", "pause or resume; at the end, play again"),
-    ("Left, Right", "step", "one step back or forward"),
-    ("Up, Down", "speed", "faster or slower; also + and -"),
+    ("Space", "play, pause"),
+    ("Left, Right", "step"),
+    ("Home, End", "first, last"),
+    ("Up, Down", "speed"),
 )
-FLYING = (
-    ("Arrows", "fly drone 0", "move drone 0 to the next cell; also W, A, S, D"),
-    ("Space", "search", "search the cell of drone 0"),
-    ("I", "wait", "wait for a step; also the period key"),
-)
-REPLAY = ("R", "replay", "play again; Home and End jump to the first and last step")
-FLY_AGAIN = ("R", "fly again", "fly the same search again")
-ON_BOTH = (
-    ("P", "prior", "show the prior beside the posterior, or only the map of the drones"),
-    ("N", "new seed", "search again with the next seed: another drift"),
-)
-AT_LAST = (
-    ("H", "keys", "show or hide this list"),
-    ("Esc", "quit", "close the window; also Q and, at the end, Enter"),
-)
+FLYING = (("Arrows", "fly drone 0"), ("Space", "search"), ("I", "wait"))
+ALWAYS = (("P", "prior"), ("N", "new seed"), ("Esc", "quit"))
 
 
 class Score(NamedTuple):
@@ -128,7 +116,6 @@ class Player:
         self._fps = fps
         self.view = "matrix"
         self.speed = 1.0
-        self.shows_keys = False
         self.quits = False
         self.hint = ""
         self._start(seed)
@@ -175,24 +162,18 @@ class Player:
         return "   ".join(parts)
 
     @property
-    def keys(self) -> tuple[KeyHelp, ...]:
-        """The keys that do something now, the most important ones first."""
-        if self.recording.flies:
-            return (*FLYING, *ON_BOTH, FLY_AGAIN, *AT_LAST)
-        again = FLY_AGAIN if self.recording.is_flight else REPLAY
-        return (*WATCHING, again, *ON_BOTH, *AT_LAST)
+    def keys(self) -> tuple[tuple[str, str], ...]:
+        """The keys that do something now, and what."""
+        again = "R", "fly again" if self.recording.is_flight else "replay"
+        return (*(FLYING if self.recording.flies else WATCHING), again, *ALWAYS)
 
-    def press(self, key: str, *, repeated: bool = False) -> None:
-        """React to a key by its name in pygame; if `repeated`, it is held down and has acted."""
-        if repeated and key not in {*FLIGHT_KEYS, ","}:
-            return
+    def press(self, key: str) -> None:
+        """React to a key by its name in pygame."""
         self.hint = ""
         if key in ("escape", "q") or (key == "return" and self.is_at_end):
             self.quits = True
         elif key in ("p", "tab"):
             self.view = "both" if self.view == "matrix" else "matrix"
-        elif key == "h":
-            self.shows_keys = not self.shows_keys
         elif key == "n" or (key == "r" and self.recording.is_flight):
             self.recording.is_stopped = True
             self._start(self.seed + (key == "n"))

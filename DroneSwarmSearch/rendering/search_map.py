@@ -1,7 +1,4 @@
-"""The map: cells with coordinates, searches so far, trails, drones and persons.
-
-Of a large grid, the part where the search takes place, and a small overview.
-"""
+"""The map: cells with coordinates, searches so far, trails, drones and persons."""
 
 from __future__ import annotations
 
@@ -33,26 +30,19 @@ from DroneSwarmSearch.rules import Ending, is_success
 
 # Lengths are in pixels, unless stated otherwise. A share is one of a cell's side.
 LEFT, TOP, RIGHT, BOTTOM = 46, 42, 22, 24  # margins; the first two hold the coordinates
-WHOLE_MOST = 48  # of grids with more cells along a side than this, only a part may be shown
-# In cells: a part's smallest side, the multiple that its place and side are of, and the margin
-# around what it must show: all cells with at least a share of the maximum of the matrix.
-PART_LEAST, PART_STEP, PART_MARGIN, PART_FROM = 40, 10, 3, 0.02
-OVERVIEW_SHARE, OVERVIEW_INSET = 0.2, 10  # its side as a share of the map's; from the corner
 TICK_ROOM, KILOMETRE_ROOM, TICK_FONT = 26, 44, 18
 NORTH = 14  # the side of the arrow to the north
-LINES_APART = 12  # of closer lines, only every second, fifth, ... is drawn
 OPAQUE_FROM, GRID_OPACITY = 16, 0.45  # closer lines are fainter than this opacity
-SYMBOL_SHARE, SEARCHING_SHARE = 0.92, 0.76  # of its room: a symbol, a drone inside a search ring
-PAIR_SHARE = 0.58  # the room of each of two symbols in a cell
-SMALL_SHARE, SMALL_MOST = 1.15, 16  # symbols up to this side are larger than their small room
-# Limits of sizes and distances, which hold even if symbols then leave their cell.
-DRONE_LEAST, PERSON_LEAST, SYMBOL_MOST, LEAST_APART = 13, 14, 160, 8
-RING_MARGIN = 9  # how much larger than its drone a search ring is
-COLLISION_MARGIN = 1.5  # the same of the star of a collision, as a share of the drone
-NUMBER_FROM = 24  # drones of at least this side show their number
-NUMBER_SHARES = (1.1, 1.0, 0.75)  # fonts of one, two, three digits as shares of a drone's body
+SYMBOL_SHARE, SEARCHING_SHARE = 0.92, 0.76  # a symbol, a drone inside a search ring
+SYMBOL_LEAST = 16  # holds even if symbols then leave their cell
+# In a cell with several symbols: their size in relation to one that is alone, and the distance
+# from the middle of the cell.
+SHARED_SIZE, APART_SHARE, APART_LEAST = 0.54, 0.27, 6
+RING_MARGIN = 8  # how much larger than its drone a search ring is at least
+COLLISION_SIZE = 2.5  # of the star of a collision, in relation to a drone
+NUMBER_FROM, NUMBER_SHARE = 24, 0.6  # drones of at least this side show their number; its font
 TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 3, 230  # width, least width, that of the last move
-SEARCHED_SHARE, SEARCHED_LEAST, SEARCHED_MOST = 0.3, 5, 14  # of the mark of a search
+SEARCHED_SHARE, SEARCHED_LEAST = 0.25, 5  # of the mark of a search
 FADES = 6  # the opacities of marks that fade
 Point = tuple[float, float]
 Places = Sequence[Sequence[float]]
@@ -62,90 +52,47 @@ Sprite = tuple[pygame.Surface, Point]  # an image and the place of its middle
 class SearchMap:
     """Draws the map of one grid size on surfaces of its `size`, margins included.
 
-    `side` is that of all shown cells together, about the argument, so that cells have whole pixels
-    if the whole grid is shown; `symbol` the side of a drone alone in its cell at the largest scale.
+    `side` is that of all cells together, about the argument, so that cells have whole pixels;
+    `symbol` the side of a drone alone in its cell.
     """
 
     def __init__(self, grid_size: int, look: Look, *, side: int = 720) -> None:
         self._grid_size = grid_size
         self._look = look
-        self.side = side
-        if grid_size <= WHOLE_MOST:
-            self.side = grid_size * max(1, round(side / grid_size))
+        self.side = grid_size * round(side / grid_size) if grid_size < side else side
         self.size = LEFT + self.side + RIGHT, TOP + self.side + BOTTOM
-        finest = self.side / min(grid_size, PART_LEAST)
-        self.symbol = _symbol_side(SYMBOL_SHARE, finest, DRONE_LEAST)
-        # Of the picture that is being drawn.
-        self._canvas: pygame.Surface
-        self._left: float  # the shown part of the grid, in cells
-        self._top: float
-        self._cells: float
-        self._pitch: float  # the side of a cell in pixels
+        self._pitch = self.side / grid_size  # the side of a cell
+        self.symbol = max(round(SYMBOL_SHARE * self._pitch), SYMBOL_LEAST)
 
     def draw(self, canvas: pygame.Surface, frame: Frame, end: Frame, progress: float) -> None:
         """Draw the moment at `progress`, 0 to 1, from a frame to `end`, the next one or itself."""
-        self._canvas = canvas
-        (part,) = _on_the_way([self._part(frame)], [self._part(end)], progress)
-        self._left, self._top, self._cells = part
-        self._pitch = self.side / self._cells
-        self._draw_coordinates(frame.scale)
-        canvas.set_clip((LEFT, TOP, self.side, self.side))
-        self._draw_cells(frame.matrix)
-        if self._look.grid:
-            self._draw_lines()
         drones = _on_the_way(frame.drones, end.drones, progress)
         persons = _on_the_way(frame.persons, end.persons, progress)
-        self._draw_trails(frame, drones)
-        self._draw_searched(frame)
-        canvas.set_clip((LEFT - 2, TOP - 2, self.side + 4, self.side + 4))
-        self._draw_symbols(frame, end, drones, persons)
-        if self._cells < self._grid_size:
-            self._draw_overview(frame)
-        canvas.set_clip(None)
+        self._draw_border(canvas, INK, 1)
+        self._draw_coordinates(canvas, frame.scale)
+        self._draw_cells(canvas, frame.matrix)
+        if self._look.grid:
+            self._draw_lines(canvas)
+        self._draw_trails(canvas, frame, drones)
+        self._draw_searched(canvas, frame)
+        self._draw_symbols(canvas, frame, end, drones, persons)
         if frame.ending is not None:
-            self._draw_border(outcome_colour(frame), 5)
-
-    def _part(self, frame: Frame) -> tuple[float, float, float]:
-        """The left, top and side of the part of the grid that a frame shows, in cells."""
-        size = self._grid_size
-        if size <= WHOLE_MOST:
-            return 0, 0, size
-        maps = [each for each in (frame.matrix, frame.prior) if each is not None]
-        likely = np.logical_or.reduce([each >= PART_FROM * each.max() for each in maps])
-        cells = [*_symbol_cells(frame), *((x, y) for x, y, _ in frame.searched)]
-        extents = []
-        for axis in (0, 1):
-            along = [*likely.any(axis=axis).nonzero()[0].tolist(), *(cell[axis] for cell in cells)]
-            extents.append((min(along), max(along) + 1))
-        need = max(high - low for low, high in extents) + 2 * PART_MARGIN
-        count = min(max(math.ceil(need / PART_STEP) * PART_STEP, PART_LEAST), size)
-        corner: list[int] = []
-        for low, high in extents:
-            middle = (low + high - count) / 2
-            left = round(middle / PART_STEP) * PART_STEP
-            if left > low or left + count < high:  # rounding has cut something off
-                left = round(middle)
-            corner.append(min(max(left, 0), size - count))
-        return corner[0], corner[1], count
-
-    def _at(self, x: float, y: float) -> Point:
-        """The pixel of a point of the grid, in cells from its upper left corner."""
-        return LEFT + (x - self._left) * self._pitch, TOP + (y - self._top) * self._pitch
+            self._draw_border(canvas, outcome_colour(frame), 5)
 
     def _centre(self, x: float, y: float) -> Point:
-        return self._at(x + 0.5, y + 0.5)
+        """The pixel in the middle of a cell."""
+        return LEFT + (x + 0.5) * self._pitch, TOP + (y + 0.5) * self._pitch
 
     # Cells.
 
-    def _draw_border(self, colour: Colour, width: int) -> None:
+    def _draw_border(self, canvas: pygame.Surface, colour: Colour, width: int) -> None:
         outer = self.side + 2 * width
         place = (LEFT - width, TOP - width, outer, outer)
-        pygame.draw.rect(self._canvas, colour, place, width=width)
+        pygame.draw.rect(canvas, colour, place, width=width)
 
-    def _draw_coordinates(self, scale: Scale | None) -> None:
+    def _draw_coordinates(self, canvas: pygame.Surface, scale: Scale | None) -> None:
         """The numbers of cells; with a scale, kilometres from the grid's corner, and north."""
-        canvas, right = self._canvas, LEFT + self.side
-        self._draw_border(INK, 1)
+        right = LEFT + self.side
         # Labels count cells from the middle of the first one, or metres from its edge.
         per_cell, origin, room, thousand = 1.0, 0.5, TICK_ROOM, 1
         if scale is None:
@@ -157,80 +104,38 @@ class SearchMap:
             canvas.blit(sprites.north(NORTH), (right + 7, TOP))
             write(canvas, "N", TICK_FONT, INK, midtop=(right + 7 + NORTH // 2, TOP + NORTH + 2))
         stride = tick_stride(room, self._pitch / per_cell)
-        for axis, low in enumerate((self._left, self._top)):
-            first = math.ceil(low * per_cell / stride) * stride
-            end = math.ceil((low + self._cells - origin) * per_cell)
-            for number in range(first, end, stride):
-                place = origin + number / per_cell
-                across, down = map(round, self._at(place, place))
-                at = {"midright": (LEFT - 8, down)} if axis else {"midbottom": (across, TOP - 7)}
-                write(canvas, f"{number / thousand:g}", TICK_FONT, GREY, **at)
+        for number in range(0, math.ceil((self._grid_size - origin) * per_cell), stride):
+            at = round((origin + number / per_cell) * self._pitch)
+            text = f"{number / thousand:g}"
+            write(canvas, text, TICK_FONT, GREY, midbottom=(LEFT + at, TOP - 7))
+            write(canvas, text, TICK_FONT, GREY, midright=(LEFT - 8, TOP + at))
 
-    def _colours(self, matrix: NDArray[np.float32]) -> pygame.Surface:
+    def _draw_cells(self, canvas: pygame.Surface, matrix: NDArray[np.float32]) -> None:
         colours = self._look.colours(matrix)
-        return pygame.image.frombuffer(colours.tobytes(), matrix.shape[::-1], "RGB")
+        cells = pygame.image.frombuffer(colours.tobytes(), matrix.shape, "RGB")
+        canvas.blit(pygame.transform.scale(cells, (self.side, self.side)), (LEFT, TOP))
 
-    def _draw_cells(self, matrix: NDArray[np.float32]) -> None:
-        first_x, first_y = math.floor(self._left), math.floor(self._top)
-        last_x, last_y = math.ceil(self._left + self._cells), math.ceil(self._top + self._cells)
-        size = last_x - first_x, last_y - first_y
-        cells = self._colours(matrix).subsurface((first_x, first_y), size)
-        x, y = map(round, self._at(first_x, first_y))
-        right, bottom = map(round, self._at(last_x, last_y))
-        scale = pygame.transform.scale if self._pitch >= 1.0 else pygame.transform.smoothscale
-        self._canvas.blit(scale(cells, (right - x, bottom - y)), (x, y))
-
-    def _draw_lines(self) -> None:
-        side, stride = self.side, tick_stride(LINES_APART, self._pitch)
-        opacity = GRID_OPACITY * min(1.0, stride * self._pitch / OPAQUE_FROM)
-        lines = pygame.Surface((side, side), pygame.SRCALPHA, 32)
-        for axis, low in enumerate((self._left, self._top)):
-            first = math.floor(low / stride + 1) * stride
-            for cell in range(first, math.ceil(low + self._cells), stride):
-                at = round((cell - low) * self._pitch)
-                line = (0, at, side, 1) if axis else (at, 0, 1, side)
-                lines.fill((*GREY, round(255 * opacity)), line)
-        self._canvas.blit(lines, (LEFT, TOP))
-
-    def _draw_overview(self, frame: Frame) -> None:
-        """The whole grid, in the corner or at the side where it hides the fewest symbols."""
-        side = round(OVERVIEW_SHARE * self.side)
-        near, far = OVERVIEW_INSET, self.side - side - OVERVIEW_INSET
-        middle = (near + far) // 2
-        corners = [(near, far), (far, far), (near, near), (far, near)]
-        sides = [(middle, far), (near, middle), (far, middle), (middle, near)]
-        places = [pygame.Rect(LEFT + x, TOP + y, side, side) for x, y in corners + sides]
-        middles = [self._centre(x, y) for x, y in _symbol_cells(frame)]
-
-        def hidden(place: pygame.Rect) -> int:
-            room = place.inflate(self.symbol, self.symbol)
-            return sum(room.collidepoint(middle) for middle in middles)
-
-        place = min(places, key=hidden)
-        whole = self._colours(frame.matrix)
-        self._canvas.blit(pygame.transform.smoothscale(whole, place.size), place)
-        pygame.draw.rect(self._canvas, WHITE, place.inflate(2, 2), width=1)
-        pygame.draw.rect(self._canvas, INK, place.inflate(4, 4), width=1)
-        scale = side / self._grid_size
-        left, top, count = self._left * scale, self._top * scale, self._cells * scale
-        shown = pygame.Rect(place.left + left, place.top + top, count + 1, count + 1)
-        pygame.draw.rect(self._canvas, WHITE, shown, width=2)
-        pygame.draw.rect(self._canvas, INK, shown.inflate(2, 2), width=1)
+    def _draw_lines(self, canvas: pygame.Surface) -> None:
+        opacity = round(255 * GRID_OPACITY * min(1.0, self._pitch / OPAQUE_FROM))
+        lines = pygame.Surface((self.side, self.side), pygame.SRCALPHA, 32)
+        for cell in range(1, self._grid_size):
+            at = round(cell * self._pitch)
+            lines.fill((*GREY, opacity), (at, 0, 1, self.side))
+            lines.fill((*GREY, opacity), (0, at, self.side, 1))
+        canvas.blit(lines, (LEFT, TOP))
 
     # Searches and trails.
 
-    def _draw_searched(self, frame: Frame) -> None:
-        """Marks of the last searches, fading; the latest search of a cell counts."""
-        size = min(max(round(SEARCHED_SHARE * self._pitch), SEARCHED_LEAST), SEARCHED_MOST)
-        ages = {(x, y): age for x, y, age in frame.searched}
+    def _draw_searched(self, canvas: pygame.Surface, frame: Frame) -> None:
+        """Marks of the last searches, fading."""
+        size = max(round(SEARCHED_SHARE * self._pitch), SEARCHED_LEAST)
         marks = [
-            (sprites.searched(size, opacity), self._centre(*cell))
-            for cell, age in ages.items()
-            if (opacity := _faded(age / HISTORY_STEPS))
+            (sprites.searched(size, _faded(age / HISTORY_STEPS)), self._centre(x, y))
+            for x, y, age in frame.searched
         ]
-        _blit_all(self._canvas, marks)
+        _blit_all(canvas, marks)
 
-    def _draw_trails(self, frame: Frame, drones: Places) -> None:
+    def _draw_trails(self, canvas: pygame.Surface, frame: Frame, drones: Places) -> None:
         """The drones' last moves, fading and with a rim, up to where the drones are."""
         width = max(TRAIL_LEAST, round(TRAIL_SHARE * self._pitch))
         layer = pygame.Surface((self.side, self.side), pygame.SRCALPHA, 32)
@@ -247,59 +152,61 @@ class SearchMap:
                     move.union_ip((round(x1) - LEFT, round(y1) - TOP, 0, 0))
                     move.inflate_ip(width + 2 * rim, width + 2 * rim)
                     layer.fill((*colour, _faded(age) * TRAIL_OPACITY // 255), move)
-        self._canvas.blit(layer, (LEFT, TOP))
+        canvas.blit(layer, (LEFT, TOP))
 
     # Drones and persons.
 
     def _draw_symbols(
-        self, frame: Frame, end: Frame, drones_at: Places, persons_at: Places
+        self,
+        canvas: pygame.Surface,
+        frame: Frame,
+        end: Frame,
+        drones_at: Places,
+        persons_at: Places,
     ) -> None:
         """Drones and persons; those at one place share its room, unless they only pass there."""
         cells: dict[tuple[Sequence[float], Point], tuple[list[int], list[int]]] = {}
         for number, way in enumerate(zip(drones_at, end.drones, strict=True)):
             cells.setdefault(way, ([], []))[0].append(number)
-        for number in _shown_persons(frame):
-            way = persons_at[number], end.persons[number]
-            cells.setdefault(way, ([], []))[1].append(number)
+        for number, finder in enumerate(frame.found_by):
+            if finder is not None or not frame.hide_persons:
+                way = persons_at[number], end.persons[number]
+                cells.setdefault(way, ([], []))[1].append(number)
         marks: list[Sprite] = []
         symbols: list[Sprite] = []
         for (cell, _), (drones, persons) in cells.items():
-            places, room = self._places(cell, len(drones) + len(persons))
+            middle = self._centre(*cell)
+            places, size = self._places(middle, len(drones) + len(persons))
             if len(drones) > 1:
-                marks.append(_collision(places[: len(drones)], room))
+                marks.append((sprites.collision(round(COLLISION_SIZE * size)), middle))
             for drone, place in zip(drones, places, strict=False):
-                share = SEARCHING_SHARE if end.searching[drone] else SYMBOL_SHARE
-                side = _symbol_side(share, room, DRONE_LEAST)
+                side = size
                 if end.searching[drone]:
-                    ring = max(round(side / SEARCHING_SHARE), side + RING_MARGIN)
-                    marks.append((sprites.search_ring(ring), place))
+                    side = max(round(SEARCHING_SHARE / SYMBOL_SHARE * size), SYMBOL_LEAST)
+                    marks.append((sprites.search_ring(max(size, side + RING_MARGIN)), place))
                 colour = self._look.drone(drone)
                 symbols.append((sprites.drone(side, colour), place))
                 if side >= NUMBER_FROM:
-                    digits = min(len(str(drone)), len(NUMBER_SHARES))
-                    font = round(side * sprites.body_share(side) * NUMBER_SHARES[digits - 1])
+                    font = round(NUMBER_SHARE * side)
                     symbols.append((text_line(f"{drone}", font, readable_on(colour)), place))
-            side = _symbol_side(SYMBOL_SHARE, room, PERSON_LEAST)
             for person, place in zip(persons, places[len(drones) :], strict=True):
                 finder = frame.found_by[person]
-                image = sprites.person(side)
+                image = sprites.person(size)
                 if finder is not None:
-                    image = sprites.found(side, self._look.drone(finder))
+                    image = sprites.found(size, self._look.drone(finder))
                 symbols.append((image, place))
         # Marks lie below all symbols: in small cells they reach into the neighbours.
-        _blit_all(self._canvas, marks + symbols)
+        _blit_all(canvas, marks + symbols)
 
-    def _places(self, cell: Sequence[float], count: int) -> tuple[list[Point], float]:
-        """Middles of symbols in one cell, and the side of the room of each: 1, diagonal, square."""
-        centre = self._centre(*cell)
+    def _places(self, middle: Point, count: int) -> tuple[list[Point], int]:
+        """The middles of symbols in one cell, on a circle if there are several; and their side."""
         if count == 1:
-            return [centre], self._pitch
-        along = math.ceil(math.sqrt(count))
-        room = self._pitch * (PAIR_SHARE if count == 2 else 1 / along)
-        apart = max((self._pitch - room) / (along - 1), LEAST_APART)
-        left, top = (middle - apart * (along - 1) / 2 for middle in centre)
-        squares = [(0, 0), (1, 1)] if count == 2 else [divmod(n, along) for n in range(count)]
-        return [(left + apart * column, top + apart * row) for row, column in squares], room
+            return [middle], self.symbol
+        x, y = middle
+        apart = max(APART_SHARE * self._pitch, APART_LEAST)
+        angles = [math.tau * (number / count + 5 / 8) for number in range(count)]
+        places = [(x + apart * math.cos(at), y + apart * math.sin(at)) for at in angles]
+        return places, max(round(SHARED_SIZE * self.symbol), SYMBOL_LEAST)
 
 
 def outcome_colour(frame: Frame) -> Colour:
@@ -310,32 +217,10 @@ def outcome_colour(frame: Frame) -> Colour:
     return PROGRESS if frame.ending is Ending.TIME_LIMIT and not frame.persons else NOT_FOUND
 
 
-def _symbol_side(share: float, room: float, least: int) -> int:
-    """The side of a symbol in whole pixels: a share of its room, within the limits."""
-    small = min(round(SMALL_SHARE * room), SMALL_MOST)
-    return min(max(round(share * room), small, least), SYMBOL_MOST)
-
-
-def _collision(places: list[Point], room: float) -> Sprite:
-    (left, top), (right, bottom) = np.min(places, axis=0), np.max(places, axis=0)
-    drone = _symbol_side(SYMBOL_SHARE, room, DRONE_LEAST)
-    side = max(right - left, bottom - top) + COLLISION_MARGIN * drone
-    return sprites.collision(round(side)), ((left + right) / 2, (top + bottom) / 2)
-
-
 def _blit_all(canvas: pygame.Surface, drawn: Iterable[Sprite]) -> None:
     for image, (x, y) in drawn:
         width, height = image.get_size()
         canvas.blit(image, (round(x - width / 2), round(y - height / 2)))
-
-
-def _shown_persons(frame: Frame) -> list[int]:
-    found_by = enumerate(frame.found_by)
-    return [person for person, drone in found_by if drone is not None or not frame.hide_persons]
-
-
-def _symbol_cells(frame: Frame) -> list[tuple[int, int]]:
-    return [*frame.drones, *(frame.persons[person] for person in _shown_persons(frame))]
 
 
 def _on_the_way(starts: Places, ends: Places, progress: float) -> list[tuple[float, ...]]:

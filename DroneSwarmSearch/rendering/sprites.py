@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from itertools import pairwise
 
 import pygame
 
@@ -25,10 +24,9 @@ from DroneSwarmSearch.rendering.palette import (
     readable_on,
 )
 
-# Sizes in pixels from which a drone has an outline, rotors and blades, and a person a life ring
-# and a body.
-OUTLINE_FROM, ROTORS_FROM, BLADES_FROM = 13, 18, 60
-LIFE_RING_FROM, BODY_FROM = 24, 40
+# Sizes in pixels from which a drone has rotors and blades, and a person a life ring and a body.
+ROTORS_FROM, BLADES_FROM, LIFE_RING_FROM = 18, 60, 24
+BODY_SHARE = 0.56  # the diameter of a drone's body as a share of its size
 TEXT_SUPERSAMPLING = 4
 Point = tuple[float, float]
 CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
@@ -62,13 +60,8 @@ class _Pen:
         pygame.draw.polygon(self._surface, colour, [self._place(point) for point in points])
 
     def stroke(self, points: Sequence[Point], width: float, colour: Colour) -> None:
-        for (x0, y0), (x1, y1) in pairwise(points):
-            length = math.hypot(x1 - x0, y1 - y0)
-            dx, dy = (x1 - x0) / length * width / 2, (y1 - y0) / length * width / 2
-            self.polygon(
-                [(x0 - dy, y0 + dx), (x0 + dy, y0 - dx), (x1 + dy, y1 - dx), (x1 - dy, y1 + dx)],
-                colour,
-            )
+        places, thickness = [self._place(point) for point in points], round(width * self._half)
+        pygame.draw.lines(self._surface, colour, False, places, thickness)
         for point in points:
             self.disc(point, width / 2, colour)
 
@@ -107,20 +100,12 @@ def write(
     return canvas.blit(line, line.get_rect(**anchor))
 
 
-def body_share(size: int) -> float:
-    """The diameter of a drone's body as a share of its size, larger for small drones."""
-    return 0.56 if size < BLADES_FROM else 0.44
-
-
 @lru_cache(maxsize=512)
 def drone(size: int, colour: Colour) -> pygame.Surface:
-    """A quadcopter, with a light rim and, if there is room, a dark outline; an X if it is small."""
+    """A quadcopter, with a light rim and a dark outline; an X if it is small."""
     pen = _Pen(size, WHITE)
     rim, line = 1.2 * pen.pixel, max(pen.pixel, 0.035)
-    layers = [(0.0, WHITE), (rim, INK), (rim + line, colour)]
-    if size < OUTLINE_FROM:
-        layers = [(0.0, WHITE), (0.8 * pen.pixel, colour)]
-    for inset, paint in layers:
+    for inset, paint in ((0.0, WHITE), (rim, INK), (rim + line, colour)):
         for x, y in CORNERS:
             if size < ROTORS_FROM:
                 pen.stroke([(0, 0), (0.56 * x, 0.56 * y)], 0.84 - 2 * inset, paint)
@@ -129,7 +114,7 @@ def drone(size: int, colour: Colour) -> pygame.Surface:
             pen.stroke([(0, 0), (0.6 * x, 0.6 * y)], max(0.22 - 2 * inset, 0.08), arm)
             pen.disc((0.6 * x, 0.6 * y), 0.4 - inset, paint)
         if size >= ROTORS_FROM:
-            pen.disc((0, 0), body_share(size) - inset, paint)
+            pen.disc((0, 0), BODY_SHARE - inset, paint)
     if size >= BLADES_FROM:
         r, g, b = ((2 * channel + 3 * 255) // 5 for channel in colour)
         for x, y in CORNERS:
@@ -154,9 +139,6 @@ def person(size: int) -> pygame.Surface:
         arc = [(reach * math.cos(angle), reach * math.sin(angle)) for angle in angles]
         pen.polygon([(0, 0), *arc], LIFE_RING)
     pen.discs((0.6 + line, INK), (0.6, WATER))
-    if size < BODY_FROM:
-        pen.disc((0, 0), 0.34, SKIN)
-        return pen.finish()
     for side in (-1, 1):
         pen.stroke([(0.2 * side, 0.2), (0.36 * side, -0.26)], 0.13, SKIN)
     pen.stroke([(-0.17, 0.26), (0.17, 0.26)], 0.3, LIFE_RING)
@@ -171,9 +153,6 @@ def found(size: int, colour: Colour) -> pygame.Surface:
     pen = _Pen(size, INK)
     line = pen.pixel
     pen.discs((1.0, INK), (1.0 - line, WHITE), (1.0 - 2 * line, colour))
-    if size >= LIFE_RING_FROM:
-        inner = min(1.0 - 2 * line, 0.86)
-        pen.discs((1.0 - line, WHITE), (inner, INK), (inner - line, colour))
     tick = ((-0.396, 0.044), (-0.099, 0.33), (0.418, -0.308))
     pen.stroke(tick, 0.26, readable_on(colour))
     return pen.finish()

@@ -20,8 +20,6 @@ RAMP = ".:;=oO%#@"
 SEARCHING, TOGETHER, MISSING, FOUND = "*+PF"
 WIDTH = 160  # characters in a line where the width of the terminal is unknown
 
-# Of more hypotheses, only the likeliest one is written; of more persons, only the first.
-WEIGHTS_NAMED, PERSONS_NAMED = 6, 4
 # Without a terminal: the most frames between the first and the last, and the steps between them.
 PRINTED_FRAMES, PRINTED_STRIDE = 5, 10
 
@@ -84,28 +82,13 @@ def _header(frame: Frame) -> list[str]:
     if frame.probability_of_success is not None:
         status.append(f"POS {frame.probability_of_success:.1%}")
     lines = [" | ".join(status)]
-    if frame.uncertain_persons:
-        lines.append(f"hypotheses: {_hypotheses(frame)}")
+    for person in frame.uncertain_persons:
+        weights = " ".join(f"{weight:.0%}" for weight in frame.hypotheses[person])
+        whose = f" of person {person}" if len(frame.hypotheses) > 1 else ""
+        lines.append(f"hypotheses{whose}: {weights}")
     if frame.ending is not None:
         lines.append(f"{frame.outcome} ({frame.ending.description})")
     return lines
-
-
-def _hypotheses(frame: Frame) -> str:
-    """The probabilities of the hypotheses about each person of whom there are several."""
-    weights = [
-        " ".join(f"{weight:.0%}" for weight in each)
-        if len(each) <= WEIGHTS_NAMED
-        else f"{len(each)}, the likeliest {max(each):.0%}"
-        for each in frame.hypotheses
-    ]
-    if len(weights) == 1:
-        return weights[0]
-    persons = frame.shown_uncertain_persons
-    parts = [f"person {person} {weights[person]}" for person in persons[:PERSONS_NAMED]]
-    if len(persons) > PERSONS_NAMED:
-        parts.append(f"{len(persons) - PERSONS_NAMED} more persons")
-    return " | ".join(parts) or "none"
 
 
 def _tokens(frame: Frame) -> dict[tuple[int, int], str]:

@@ -62,9 +62,7 @@ class Window:
     def draw(self, picture: pygame.Surface) -> None:
         """Show a picture in the open window, scaled to fit it."""
         area = self.surface.get_rect()
-        place = picture.get_rect().fit(area)
-        if abs(place.width - picture.get_width()) > 1 or not area.contains(picture.get_rect()):
-            picture = pygame.transform.smoothscale(picture, place.size)
+        picture = pygame.transform.smoothscale(picture, picture.get_rect().fit(area).size)
         self.surface.fill(PAPER)
         self.surface.blit(picture, picture.get_rect(center=area.center))
         pygame.display.flip()

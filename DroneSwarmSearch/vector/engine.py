@@ -284,8 +284,8 @@ class SearchBatch:
             ResetNeeded: before the first `reset`, after an interrupted step or reset, or for
                 rows that have ended if `autoreset` is False.
             TypeError: the actions are not integers.
-            ValueError: an action is out of range, or their shape is wrong. After these errors
-                the batch is unchanged.
+            ValueError: an action is out of range, or their shape is wrong. After these errors the
+                batch is unchanged.
         """
         if self._changing:
             raise ResetNeeded("step: a step or reset was interrupted; reset all searches first")

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, numbers, unit_numbers
 from DroneSwarmSearch.drift.belief import means_over_missing, shown_persons
@@ -45,7 +46,7 @@ class Catalogue:
     ) -> None:
         self.scenarios, self.choices = (*scenarios, *kept), len(scenarios)
         self.cells, self.complete = cells, complete
-        limit = scenarios[0].timestep_limit
+        size, limit = scenarios[0].grid_size, scenarios[0].timestep_limit
         self.forecasts, numbers = forecasts_of(
             [model for scenario in self.scenarios for model in scenario.forecasts()],
             last=limit,
@@ -58,6 +59,10 @@ class Catalogue:
         steps = range(max(len(each.survival or [1]) for persons in situations for each in persons))
         alive = [[[*map(each.alive, steps)] for each in persons] for persons in situations]
         self.alive: Floats = np.array(alive)
+        if complete:
+            what = f"the table of matrices for {self.forecasts.count} different forecasts"
+            needed = self.forecasts.step_bytes * (limit + 1)
+            checks.fits(what, needed, grid_size=size, timestep_limit=limit)
         self.forecasts.reach(limit if complete else 0)
 
 
