@@ -59,10 +59,7 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         search: the `DroneSwarmSearch`, which has `scenario`, `frame` and `state`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc] # an instance variable there
-        "render_modes": DroneSwarmSearch.metadata["render_modes"],
-        "render_fps": DroneSwarmSearch.metadata["render_fps"],
-    }
+    metadata: ClassVar[dict[str, Any]] = {**DroneSwarmSearch.metadata}  # type: ignore[misc]
 
     def __init__(
         self,

@@ -75,14 +75,14 @@ def test_drone_layouts_match_plain_implementations(name: str, drones: int) -> No
 @pytest.mark.parametrize("name", JOINT_LAYOUTS)
 def test_swarm_layouts_match_plain_implementations(name: str) -> None:
     shown = arguments()
-    joint = JOINT_LAYOUTS[name](6, 3)
-    out = written(joint, shown, 5)
+    joint = LAYOUTS[name](6, 3, joint=True)
+    out = written(joint, shown, 5, 1)
     for search, (cells, matrix, left) in enumerate(zip(*shown, strict=True)):
         if isinstance(out, dict):
-            seen = {key: array[search] for key, array in out.items()}
+            seen = {key: array[search, 0] for key, array in out.items()}
             assert plain(seen) == plain({"positions": cells, "probability_matrix": matrix})
         else:
-            seen = out[search]
+            seen = out[search, 0]
             wanted = swarm_by_hand(name, cells.tolist(), matrix, float(left))
             assert plain(seen) == plain(wanted)
         assert seen in joint.space

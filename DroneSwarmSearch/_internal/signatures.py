@@ -16,10 +16,11 @@ def shows_keywords_of(source: type, *without: str) -> Callable[[Class], Class]:
     """
 
     def decorate(made: Class) -> Class:
-        own, passed = (inspect.signature(each).parameters.values() for each in (made, source))
+        # Not the signature of the class, which may be one that its base class got here.
+        _, *own = inspect.signature(made.__init__).parameters.values()  # type: ignore[misc]
         shown = [each for each in own if each.kind is not each.VAR_KEYWORD]
         names = {each.name for each in shown}.union(without)
-        for each in passed:
+        for each in inspect.signature(source).parameters.values():
             if each.name not in names and each.kind is not each.VAR_KEYWORD:
                 shown.append(each.replace(kind=each.KEYWORD_ONLY))
         plain = [each.replace(annotation=each.empty) for each in shown]

@@ -62,7 +62,6 @@ class SB3VecEnv(VecEnv):
         return observations
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Set the actions of the next step."""
         self._actions = actions
 
     def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
@@ -85,7 +84,6 @@ class SB3VecEnv(VecEnv):
         return list(self.env.render() or ())
 
     def close(self) -> None:
-        """Close the environment."""
         self.env.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
@@ -93,7 +91,6 @@ class SB3VecEnv(VecEnv):
         return [getattr(self.env, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute of the environment."""
         setattr(self.env, attr_name, value)
 
     def env_method(
@@ -108,7 +105,6 @@ class SB3VecEnv(VecEnv):
         return [result[index] if is_split else result for index in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """Whether sub-environments are wrapped: False for each."""
         return [False for _ in self._get_indices(indices)]
 
 

@@ -155,7 +155,6 @@ class SuccessStats(CollectStats):
     def update_at_episode_done(
         self, episode_batch: Any, episode_return: float, refresh_sequence_stats: bool = False
     ) -> None:
-        """Add an episode."""
         super().update_at_episode_done(episode_batch, episode_return, refresh_sequence_stats)
         infos = episode_batch.info
         self.successes.append(bool(infos.is_success[-1]))

@@ -135,10 +135,7 @@ class SearchEnv(EnvBase):
         self.group_map = {GROUP: [f"drone{i}" for i in range(self.n_drones)]}
         self._shows_state = state
         self._set_seed(seed)
-        self._make_specs()
-
-    def _make_specs(self) -> None:
-        env, device = self.vector_env, self.device
+        device = self.device
         swarms, drones = self.batch_size, torch.Size([*self.batch_size, self.n_drones])
 
         def of_group(entries: dict[str, TensorSpec]) -> Composite:

@@ -8,14 +8,7 @@ from __future__ import annotations
 from DroneSwarmSearch.layouts.crops import CropsLayout
 from DroneSwarmSearch.layouts.layout import Layout, remaining_time_fraction
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
-from DroneSwarmSearch.layouts.whole_matrix import (
-    DictLayout,
-    FlatLayout,
-    JointDictLayout,
-    JointFlatLayout,
-    JointPlanesLayout,
-    PlanesLayout,
-)
+from DroneSwarmSearch.layouts.whole_matrix import DictLayout, FlatLayout, PlanesLayout
 
 __all__ = ["JOINT_LAYOUTS", "LAYOUTS", "Layout", "remaining_time_fraction"]
 
@@ -28,9 +21,5 @@ LAYOUTS: dict[str, type[Layout]] = {
 }
 """The layouts of single drones, by name."""
 
-JOINT_LAYOUTS: dict[str, type[Layout]] = {
-    "dict": JointDictLayout,
-    "flat": JointFlatLayout,
-    "planes": JointPlanesLayout,
-}
-"""The layouts of whole swarms; for other names, the drones' observations are stacked."""
+JOINT_LAYOUTS = ("dict", "flat", "planes")
+"""Those that take `joint`, to show whole swarms; of others, a swarm's observations are stacked."""

@@ -32,10 +32,6 @@ class Layout(ABC):
         self.grid_size = grid_size
         self.n_drones = n_drones
 
-    def _fractions(self, *shape: int) -> spaces.Box:
-        """The space of float32 arrays in [0, 1]."""
-        return spaces.Box(0.0, 1.0, shape, np.float32)
-
     @abstractmethod
     def write(
         self, positions: Positions, matrices: Singles, left: Singles, out: Observations
@@ -47,7 +43,7 @@ class Layout(ABC):
             matrices: float32, shape (S, N, N), indexed [y, x]; used as scratch and overwritten.
             left: see `remaining_time_fraction`: float32, shape (S,).
             out: an array of the space's dtype and shape, or a dict of such arrays, with axes in
-                front for the searches and the drones; for a joint layout, only for the searches.
+                front for the searches and the drones; for a joint layout, the second one is 1.
         """
 
 

@@ -404,7 +404,7 @@ class SearchBatch:
         """Everything that a picture of one row shows, including the persons, but no trails."""
         world, scenario = self._world, self.scenario_of(row)
         _, positions = grid_of(scenario.grid_size)
-        missing, ending, mass = world.missing[:, row], self.endings[row], world.shown_mass(row)
+        missing, ending = world.missing[:, row], self.endings[row]
         finders, find_cells = world.finds[..., row]
         persons = np.where(missing, world.person_cells[:, row], find_cells)
         found_by = np.where(missing, -1, finders % scenario.n_drones)
@@ -413,13 +413,14 @@ class SearchBatch:
         models = scenario.forecasts()
         step, success, prior = int(world.step[row]), self.probability_of_success, None
         hypotheses = [tuple(model.weights.tolist()) for model in models]
-        if mass is not None:
-            pairs = list(zip(models, mass, strict=True))
+        beliefs = world.beliefs if scenario.bayesian_update else None
+        if beliefs is not None and beliefs.begun[row]:
+            mass = beliefs.mass(np.array([row]))[..., 0]
             hypotheses = [
                 model.hypotheses(
                     each[: model.state_shape[0], : model.layer].reshape(model.state_shape)
                 )
-                for model, each in pairs
+                for model, each in zip(models, mass, strict=True)
             ]
             forecasts = [model.exact(step) for model in models]
             prior = mean_over_missing(forecasts, missing.nonzero()[0].tolist()).astype(np.float32)

@@ -44,11 +44,15 @@ class BatchObservations:
         self._each = 1 if joint else scenario.n_drones  # sub-environments in a swarm
         # The layout "dict" of swarms holds the matrices as they are.
         self._shows_matrices = joint and name == "dict"
-        options = {"k": top_cells, "name": "top_cells"} if name == "top-cells" else {}
-        layouts = JOINT_LAYOUTS if joint and name in JOINT_LAYOUTS else LAYOUTS
-        self._layout: Layout = layouts[name](self._size, scenario.n_drones, **options)
+        self._stacks = joint and name not in JOINT_LAYOUTS
+        options: dict[str, Any] = {}
+        if name == "top-cells":
+            options = {"k": top_cells, "name": "top_cells"}
+        elif joint and not self._stacks:
+            options = {"joint": True}
+        self._layout: Layout = LAYOUTS[name](self._size, scenario.n_drones, **options)
         self.space: spaces.Space[Any] = self._layout.space
-        if joint and name not in JOINT_LAYOUTS:
+        if self._stacks:
             self.space = batch_space(self.space, scenario.n_drones)
         self._positions = None  # the entry for positions, if no matrices are written
         if not write_matrices:
@@ -82,13 +86,13 @@ class BatchObservations:
             out[self._positions][...] = positions.reshape(out[self._positions].shape)
             out["matrix_index"][...] = batch.table_index[which].repeat(self._each)
             return
-        if rows is None and self._shows_matrices:
-            matrices = out["probability_matrix"]
-            batch.write_matrices(matrices)
-        else:
-            matrices = batch.matrices_of(np.arange(batch.num_rows)[which])
+        if rows is None and self._shows_matrices:  # saves a copy
+            out["positions"][...] = positions
+            batch.write_matrices(out["probability_matrix"])
+            return
+        matrices = batch.matrices_of(np.arange(batch.num_rows)[which])
         left = remaining_time_fraction(batch.steps[which], self._limit)
-        if not self._joint:  # the layouts of drones have an axis for the swarms and one for these
+        if not self._stacks:  # the layouts have an axis for the swarms and one for their drones
             shape = len(cells), self._each
             if isinstance(out, dict):
                 out = {name: each.reshape(*shape, *each.shape[1:]) for name, each in out.items()}

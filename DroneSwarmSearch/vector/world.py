@@ -218,12 +218,6 @@ class BatchState:
         entries: Ints = self._entries[0].copy()
         return entries
 
-    def shown_mass(self, row: int) -> Floats | None:
-        """The beliefs about each person, if the matrix of a row shows them: (persons, M, L)."""
-        if self._shown is None or not self._shown.begun[row]:
-            return None
-        return self._shown.mass(np.array([row]))[..., 0]
-
     # The matrices.
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
