@@ -180,7 +180,7 @@ class Drift:
         return cls(**data)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Person:
     """A person to find: one or more hypotheses about the drift, one of which is true, or tracks.
 
@@ -249,6 +249,12 @@ class Person:
             if not isinstance(drift, Drift):
                 raise TypeError(f"drifts[{place}] must be a Drift, got {drift!r}")
         object.__setattr__(self, "drifts", tuple(drifts))
+
+    def __repr__(self) -> str:
+        detection = f"probability_of_detection={self.probability_of_detection!r}"
+        if self.tracks is None:
+            return f"Person(drifts={self.drifts!r}, {detection})"
+        return f"Person({self.tracks!r}, {detection}, fine={self.fine}, classes={self.classes})"
 
     def alive(self, step: int) -> float:
         """The probability of being alive after a number of completed steps, from `survival`."""
