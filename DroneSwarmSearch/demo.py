@@ -13,7 +13,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.rollout import reset_policy
-from DroneSwarmSearch.evaluation.suite import NamedSearch, search
+from DroneSwarmSearch.evaluation.suite import NamedSearch, search_on_grid
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import POLICIES
@@ -86,7 +86,7 @@ def _search_of(options: argparse.Namespace) -> NamedSearch:
     if options.search is not None:
         if options.drones is not None:
             raise ValueError("argument --drones: not allowed with a SEARCH")
-        return search(options.search).with_posterior(not options.prior)
+        return search_on_grid(options.search).with_posterior(not options.prior)
     n_drones = 4 if options.drones is None else options.drones
     checks.integer("--drones", n_drones, 1, 4 * (GRID_SIZE - 1))
     scenario = Scenario(

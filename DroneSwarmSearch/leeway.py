@@ -31,7 +31,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.drift.persons import MAX_DIFFUSION, Drift, Person
+from DroneSwarmSearch.drift.persons import MAX_DIFFUSION, Drift, Person, warn_of_mass_beyond
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.drift.tables import displaced
 
@@ -211,6 +211,8 @@ def person(
     jibing: float = 0.04,
     scale: Scale,
     probability_of_detection: float = 1.0,
+    grid_size: int | None = None,
+    timestep_limit: int | None = None,
 ) -> Person:
     """A person, raft or boat that drifts with the wind and the current.
 
@@ -246,6 +248,9 @@ def person(
             of leeway, which was fitted to tracks of OpenDrift.
         scale: the size of cells and the duration of steps.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
+        grid_size: if given, with `timestep_limit`, there is a warning if more than 1% of the
+            forecast lies beyond such a grid within the limit.
+        timestep_limit: steps in an episode.
 
     Raises:
         TypeError: an argument is of the wrong type.
@@ -283,7 +288,15 @@ def person(
             "most one: take shorter steps or larger cells",
             stacklevel=2,
         )
-    return Person(tuple(drifts), probability_of_detection)
+    result = Person(tuple(drifts), probability_of_detection)
+    if (grid_size is None) != (timestep_limit is None):
+        raise ValueError(
+            f"grid_size and timestep_limit must be given together, got {grid_size!r} and "
+            f"{timestep_limit!r}"
+        )
+    if grid_size is not None and timestep_limit is not None:
+        warn_of_mass_beyond([result], grid_size, timestep_limit, stacklevel=2)
+    return result
 
 
 def class_of(object_class: object) -> ObjectClass:

@@ -197,6 +197,14 @@ class Scenario:
             self.bayesian_update or self.reward_scheme.expected_finds or self.mission == "coverage"
         )
 
+    def mass_beyond_grid(self, step: int) -> float:
+        """The probability that a person would be beyond the grid if the drift went on there.
+
+        It is the largest of `Person.mass_beyond`. Above 1% within the time limit, the grid is too
+        small for the drift.
+        """
+        return max(person.mass_beyond(self.grid_size, step) for person in self.situation)
+
     def drone_cells(self, drones_positions: object, name: str = "drones_positions") -> list[int]:
         """Validate the drones' different start cells; returns them as numbers, y * N + x.
 

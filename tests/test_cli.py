@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from helpers import bound_by_time, refusal
 
+from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch._internal import progress
 from DroneSwarmSearch.evaluation import SUITE, View, commands, evaluate
@@ -125,6 +126,22 @@ def test_all_means_the_whole_suite(capsys, monkeypatch):
     assert [row["search"] for row in rows] == ["pond", "fog"]
 
 
+@pytest.mark.parametrize(
+    ("name", "reaches"), [("evaluate", True), ("evaluate", False), ("export", True)]
+)
+def test_a_grid_that_is_too_small_for_the_drift_causes_a_warning(capsys, tmp_path, name, reaches):
+    person = Person(Drift((3, 3), start_sd=0.3, vector=(0.3 if reaches else 0.0, 0)))
+    storm = tmp_path / "storm.json"
+    storm.write_text(json.dumps(Scenario(7, timestep_limit=10, persons=person).to_dict()), "utf-8")
+    arguments = {
+        "evaluate": ["random", storm, "--episodes", 2],
+        "export": [storm, "--policies", "random", "--out", tmp_path / "out.json"],
+    }
+    printed = answer(capsys, name, *arguments[name]).err
+    warning = "warning: 4.8% of a person's forecast lies beyond the grid of 7 x 7 cells"
+    assert (warning in printed) == ("warning" in printed) == reaches
+
+
 def test_policies_can_come_from_files_and_modules(capsys, own, monkeypatch):
     monkeypatch.syspath_prepend(own.parent)
     monkeypatch.delitem(sys.modules, "own", raising=False)
@@ -184,7 +201,7 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path):
     [
         (["evalaute"], "invalid choice: 'evalaute'"),
         (["evaluate", "random"], "POLICY and SEARCH are needed"),
-        (["evaluate", "random", "harbor"], "got 'harbor' ("),
+        (["evaluate", "random", "harbor"], "got 'harbor'; did you mean harbour"),
         (["evaluate", "randon", "pond"], "got 'randon'"),
         (["evaluate", "mine.py", "pond"], "or 'file.py:attribute', got 'mine.py'"),
         (["evaluate", "math:tau", "pond"], "math has none called 'tau'"),

@@ -398,6 +398,19 @@ def test_directions_as_they_are_reported():
 # Warnings.
 
 
+def test_a_forecast_beyond_the_grid_is_warned_of():
+    leeway.person("PIW-1", **USUAL)
+    leeway.person("PIW-1", **USUAL, grid_size=61, timestep_limit=277)
+    with pytest.warns(
+        UserWarning, match=r"\d% of a person's forecast .* 40 x 40 cells at step 277"
+    ):
+        person = leeway.person("PIW-1", **USUAL, grid_size=40, timestep_limit=277)
+    assert person.mass_beyond(40, 277) > 0.01
+    inwards = {"start": (-2, 30), "wind": (10, 0), "scale": SCALE, "position_sd": 130}
+    with pytest.warns(UserWarning, match="at step 0"):
+        leeway.person("LIFE-RAFT-NB-4", **inwards, grid_size=61, timestep_limit=100)
+
+
 def test_a_drift_of_more_than_a_cell_per_step_is_warned_of():
     with pytest.warns(UserWarning, match=r"mean drift is 1\.5 cells per step"):
         leeway.person("PIW-1", start=(3, 3), wind=(0, 0), current=(15, 0), scale=SCALE)
@@ -434,6 +447,8 @@ def test_an_unknown_class_names_the_nearest_ones(name, nearest):
         ({"current": {0: 5}}, TypeError, "current must be two finite numbers"),
         ({"current": {}}, TypeError, "current must be two finite numbers .*got {}"),
         ({"jibing": 4}, ValueError, "jibing must .*at most 1, got 4"),
+        ({"grid_size": 61}, ValueError, "grid_size and timestep_limit must be given together"),
+        ({"grid_size": 20, "timestep_limit": 9}, ValueError, r"start\[0\] must .*from 0 to 19"),
     ],
 )
 def test_bad_persons_are_rejected(changes, error, message):

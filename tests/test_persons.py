@@ -149,6 +149,60 @@ def test_the_start_must_fit_on_the_grid():
             Person([Drift((0, 0)), drift]).check_grid(size, "persons[0]")
 
 
+# The share beyond the grid.
+
+
+def test_a_known_drift_leaves_the_grid_at_its_edge():
+    drift = Drift((5, 5), vector=(0.5, 0))
+    assert [drift.mass_beyond(7, step) for step in range(5)] == [0, 0, 0, 1, 1]
+    assert Drift((5, 5), vector=(1e308, 0), adrift=9).mass_beyond(7, 9) == 1
+
+
+@settings(max_examples=50)
+@given(
+    start=st.tuples(st.floats(-9, 20), st.floats(-9, 20)),
+    start_sd=st.tuples(st.floats(0.1, 5), st.floats(0.1, 5)),
+    vector=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
+    vector_sd=st.floats(0, 0.3),
+    diffusion=st.floats(0, 2 / 3),
+    adrift=st.integers(0, 9),
+    step=st.integers(0, 40),
+)
+def test_the_share_beyond_the_grid_is_that_of_the_gaussian(
+    start, start_sd, vector, vector_sd, diffusion, adrift, step
+):
+    tau = adrift + step
+    inside = 1.0
+    for s, sd, v in zip(start, start_sd, vector, strict=True):
+        scale = math.sqrt(2 * (sd**2 + diffusion * tau + (vector_sd * tau) ** 2))
+        mean = s + v * tau
+        inside *= (math.erf((10.5 - mean) / scale) - math.erf((-0.5 - mean) / scale)) / 2
+    spread = {"start_sd": start_sd, "vector_sd": vector_sd, "diffusion": diffusion}
+    drift = Drift(start, vector=vector, adrift=adrift, **spread)
+    assert drift.mass_beyond(11, step) == pytest.approx(1 - inside, abs=1e-12)
+
+
+def test_the_share_beyond_the_grid_is_a_mean_over_priors_and_hypotheses():
+    common: dict[str, Any] = {"vector": (0.3, -0.1), "vector_sd": (0.1, 0), "diffusion": 0.2}
+    cells = [Drift((x, y), **common) for y in range(3) for x in range(3)]
+    expected = np.average([cell.mass_beyond(3, 4) for cell in cells], weights=PRIOR.ravel())
+    assert 0.1 < expected < 0.9
+    assert Drift(PRIOR, **common).mass_beyond(3, 4) == pytest.approx(expected)
+    one_hot = (np.arange(9) == 5).reshape(3, 3).astype(float)
+    assert Drift(one_hot, **common).mass_beyond(3, 4) == pytest.approx(cells[5].mass_beyond(3, 4))
+    person = Person([Drift((1, 1)), Drift((1, 1), vector=(1, 0), weight=3)])
+    assert person.mass_beyond(3, 2) == 0.75
+    there_and_back = Drift((1, 1), start_sd=0.1, vector=[(1, 0)] * 4 + [(-1, 0)] * 4 + [(0, 0)])
+    shares = [there_and_back.mass_beyond(3, step) for step in (0, 4, 8, 99)]
+    assert shares == pytest.approx([0, 1, 0, 0], abs=1e-5)
+
+
+@pytest.mark.parametrize("huge", [1e150, 1e308])
+def test_huge_numbers_stay_numbers(huge):
+    drift = Drift((huge, huge), start_sd=huge, vector=(-huge, huge), vector_sd=huge, adrift=2**53)
+    assert drift.mass_beyond(7, 2**53) == pytest.approx(1)
+
+
 # Where the person may be on a grid without borders.
 
 
@@ -231,3 +285,10 @@ def test_bad_drifts_are_rejected(values, error, message):
 def test_bad_persons_and_files_are_rejected(make, given, error, message):
     with pytest.raises(error, match=message):
         make(given)
+
+
+def test_bad_steps_and_grids_are_rejected():
+    with pytest.raises(ValueError, match="grid_size must be"):
+        UNCERTAIN.mass_beyond(1, 0)
+    with pytest.raises(TypeError, match="step must be"):
+        Person(UNCERTAIN).mass_beyond(7, 0.5)

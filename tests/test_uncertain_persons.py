@@ -323,6 +323,15 @@ def test_replacing_persons() -> None:
     assert Scenario(SIZE, n_drones=2, persons=[KNOWN]).replace(n_drones=3).persons == (KNOWN,)
 
 
+def test_mass_beyond_the_grid_is_that_of_the_worst_person() -> None:
+    scenario = Scenario(SIZE, persons=[KNOWN, TWO_SIDES])
+    for step in (0, 10, 60):
+        each = [person.mass_beyond(SIZE, step) for person in (KNOWN, TWO_SIDES)]
+        assert scenario.mass_beyond_grid(step) == max(each)
+    assert Scenario().mass_beyond_grid(100) > 0.99
+    assert Scenario(61, person_initial_position=(30, 30)).mass_beyond_grid(1) < 1e-6
+
+
 OUTSIDE = Person(Drift((SIZE, 0)))
 WRONG_SHAPE = Person(Drift(np.ones((5, 5))))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
@@ -13,11 +14,15 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.tracks import Tracks
 
 MAX_DIFFUSION = 2 / 3
 """The variance of a step to one of three adjacent cells at random."""
+
+_LARGE = 1e300
+"""Stands for larger numbers, so that differences of two of them stay finite."""
 
 _ROUNDING = 1e-12
 
@@ -131,15 +136,35 @@ class Drift:
     def spread(self, step: int) -> Floats:
         """The mean (x, y) and the standard deviations (x, y) at a step: float64, (2, 2).
 
-        On a grid without borders; the start must not be an array.
+        On a grid without borders. If the start is an array, the mean is that of the shift.
         """
         from DroneSwarmSearch.drift.tables import displaced
 
         tau = np.array(self.adrift + step, np.float64)
-        mean = np.add(self.start, displaced(np.asarray(self.vector), tau))
-        by_drift = displaced(np.asarray(self.vector_sd), tau)
-        variance = np.square(self.start_sd) + self.diffusion * tau + by_drift**2
-        return np.array([mean, np.sqrt(variance)])
+        start = self.start if self.prior is None else 0.0
+        with np.errstate(over="ignore"):
+            mean = np.add(start, displaced(np.asarray(self.vector), tau))
+            by_drift = displaced(np.asarray(self.vector_sd), tau)
+            deviation = np.hypot(np.hypot(self.start_sd, np.sqrt(self.diffusion * tau)), by_drift)
+        return np.array([mean, deviation])
+
+    def mass_beyond(self, grid_size: int, step: int) -> float:
+        """The probability that the person would be beyond the grid if nothing stopped there.
+
+        The matrix never leaves the grid: its mean stops at the border, and it is truncated. This
+        is the share of the untruncated Gaussian outside of the grid after some completed steps.
+
+        Raises:
+            TypeError: an argument is not an integer.
+            ValueError: an argument is out of its limits, or the start does not fit.
+        """
+        size = checks.integer("grid_size", grid_size, 2, checks.LARGEST_EXACT)
+        spread = self.spread(checks.integer("step", step, 0, checks.LARGEST_EXACT))
+        self.check_grid(size)
+        starts = np.zeros(1) if self.prior is None else np.arange(size)
+        x, y = (_within(size, starts + mean, deviation) for mean, deviation in spread.T.tolist())
+        inside = float(x[0] * y[0] if self.prior is None else y @ self.prior @ x)
+        return min(max(1.0 - inside, 0.0), 1.0)
 
     @cached_property
     def key(self) -> tuple[object, ...]:
@@ -312,6 +337,14 @@ class Person:
         for place, drift in enumerate(self.drifts):
             drift.check_grid(grid_size, f"{name}.drifts[{place}]")
 
+    def mass_beyond(self, grid_size: int, step: int) -> float:
+        """The mean of `Drift.mass_beyond` over the drifts, by weight; or the share of tracks."""
+        step += len(self.searched)
+        if self.tracks is not None:
+            return self.tracks.mass_beyond(grid_size, step)
+        beyond = [drift.mass_beyond(grid_size, step) for drift in self.drifts]
+        return math.fsum(w * mass for w, mass in zip(self.weights, beyond, strict=True))
+
     def extent(self, last: int) -> Floats:
         """Corners (x, y) of a rectangle that holds more than 99% of every forecast up to a step.
 
@@ -434,6 +467,33 @@ def _vector(name: str, value: Any, of_one: Callable[..., tuple[float, float]]) -
         raise ValueError(f"{name} must be {what}, got {value!r:.100}")
     changes = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
     return _read_only(rows[: changes[-1] + 2]) if changes.size else of_one(name, rows[0].tolist())
+
+
+def warn_of_mass_beyond(
+    persons: Sequence[Person], grid_size: int, timestep_limit: int, stacklevel: int
+) -> None:
+    """Warn if more than 1% of a person's forecast lies beyond the grid within the time limit."""
+    last = checks.integer("timestep_limit", timestep_limit, 1, checks.LARGEST_EXACT)
+    steps = {round(last * part / 32) for part in range(33)}
+    drifting = [person for person in persons if person.tracks is None]  # tracks warn themselves
+    every = [(each.mass_beyond(grid_size, step), -step) for each in drifting for step in steps]
+    beyond, step = max(every, default=(0.0, 0))
+    if beyond > 0.01:
+        warnings.warn(
+            f"{beyond:.1%} of a person's forecast lies beyond the grid of {grid_size} x "
+            f"{grid_size} cells at step {-step}: take a larger grid, or larger cells",
+            stacklevel=stacklevel + 1,
+        )
+
+
+def _within(grid_size: int, means: Floats, deviation: float) -> Floats:
+    """The probability of being within the grid along an axis, for each of some means."""
+    means, deviation = np.clip(means, -_LARGE, _LARGE), min(deviation, _LARGE)
+    low, high = -0.5 - means, grid_size - 0.5 - means
+    if deviation == 0.0:
+        inside: Floats = ((low <= 0.0) & (high > 0.0)).astype(np.float64)
+        return inside
+    return 0.5 * (erf(high / (deviation * math.sqrt(2))) - erf(low / (deviation * math.sqrt(2))))
 
 
 def _survival(value: object) -> tuple[float, ...]:

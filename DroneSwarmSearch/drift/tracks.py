@@ -147,9 +147,8 @@ class Tracks:
         """The drift model of the tracks on a grid; see `Person` for the arguments."""
         key = grid_size, fine, classes
         if key not in self._chains:
-            cells = np.floor(self.positions[self._some_steps] + 0.5)
-            is_off = ((cells < 0) | (cells >= grid_size)).any(axis=2)
-            if (off := (is_off @ self.weights).max()) > MOST_BEYOND:
+            off = max(self.mass_beyond(grid_size, step) for step in self._some_steps)
+            if off > MOST_BEYOND:
                 warnings.warn(
                     f"{off:.1%} of tracks leave the grid of {grid_size} x {grid_size} cells, "
                     "and count as in its outer cells: take a larger grid, or larger cells",
@@ -157,6 +156,11 @@ class Tracks:
                 )
             self._chains[key] = Chain(self, *key)
         return self._chains[key]
+
+    def mass_beyond(self, grid_size: int, step: int) -> float:
+        """The share of the tracks that are off the grid at a step."""
+        cells = np.floor(self.positions[min(step, self.steps)] + 0.5)
+        return float(self.weights @ ((cells < 0) | (cells >= grid_size)).any(axis=1))
 
     def check_number(self, fine: int) -> None:
         """Warn if the tracks are too few for cells of `fine` by `fine` parts."""

@@ -99,7 +99,7 @@ def _bound(options: argparse.Namespace) -> None:
 
 
 def _record(options: argparse.Namespace) -> None:
-    search = suite.search(options.search)
+    search = suite.search_on_grid(options.search)
     how = {"seed": options.seed, "bayesian_update": options.posterior, "fps": options.fps}
     video = recording.record(options.policy, search, options.out, **how)
     outcome = outcome_in_brief(video.last)
@@ -107,7 +107,7 @@ def _record(options: argparse.Namespace) -> None:
 
 
 def _export(options: argparse.Namespace) -> None:
-    search = suite.search(options.search)
+    search = suite.search_on_grid(options.search)
     how = {"seeds": options.seeds, "bayesian_update": options.posterior}
     data = exporting.export(options.policies, search, options.out, **how)
     count = len(data["episodes"])
@@ -146,7 +146,7 @@ def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leader
 def _searches(options: argparse.Namespace) -> list[NamedSearch]:
     """The searches of the suite or of files, with another mission if one is given."""
     every = [name for each in options.searches for name in (SUITE if each == "all" else [each])]
-    found = [suite.search(name) for name in dict.fromkeys(every)]
+    found = [suite.search_on_grid(name) for name in dict.fromkeys(every)]
     check_names("searches", found)
     mission = getattr(options, "mission", None)
     if mission is not None:

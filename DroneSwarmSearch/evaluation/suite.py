@@ -17,6 +17,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.errors import did_you_mean
+from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
 
@@ -133,6 +134,17 @@ def search(name: str) -> NamedSearch:
             "(`python -m DroneSwarmSearch evaluate --list` describes them)"
         )
     return SUITE[name]
+
+
+def search_on_grid(name: str) -> NamedSearch:
+    """`search`, with a warning if persons at sea may drift beyond the grid.
+
+    Elsewhere the border is a part of the search: persons given by a cell and a vector stop there.
+    """
+    found = search(name)
+    persons, scenario = found.scenario.persons or (), found.scenario
+    warn_of_mass_beyond(persons, scenario.grid_size, scenario.timestep_limit, stacklevel=2)
+    return found
 
 
 def as_named(value: object) -> NamedSearch:
