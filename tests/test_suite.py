@@ -107,7 +107,9 @@ def test_an_outline_has_the_main_parameters():
 
 
 def test_an_unknown_name_is_refused():
-    with pytest.raises(ValueError, match=r"pond, .*got 'harbor' .*evaluate --list"):
+    with pytest.raises(
+        ValueError, match=r"pond, .*got 'harbor'; did you mean harbour.*evaluate --list"
+    ):
         search("harbor")
 
 

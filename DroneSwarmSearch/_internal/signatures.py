@@ -16,12 +16,12 @@ def shows_keywords_of(source: type, *without: str) -> Callable[[Class], Class]:
     """
 
     def decorate(made: Class) -> Class:
-        # Not the signature of the class, which may be one that its base class got here.
         _, *own = inspect.signature(made.__init__).parameters.values()  # type: ignore[misc]
         shown = [each for each in own if each.kind is not each.VAR_KEYWORD]
         names = {each.name for each in shown}.union(without)
         for each in inspect.signature(source).parameters.values():
-            if each.name not in names and each.kind is not each.VAR_KEYWORD:
+            by_name = each.kind in (each.KEYWORD_ONLY, each.POSITIONAL_OR_KEYWORD)
+            if by_name and each.name not in names:
                 shown.append(each.replace(kind=each.KEYWORD_ONLY))
         plain = [each.replace(annotation=each.empty) for each in shown]
         made.__signature__ = inspect.Signature(plain)  # type: ignore[attr-defined]
