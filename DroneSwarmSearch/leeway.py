@@ -209,6 +209,7 @@ def person(
     diffusivity: float = 5.0,
     adrift: float = 0.0,
     jibing: float = 0.04,
+    search: float | None = None,
     scale: Scale,
     probability_of_detection: float = 1.0,
     grid_size: int | None = None,
@@ -246,6 +247,8 @@ def person(
         jibing: how often the object changes the side of the wind, per hour, from 0 to 1. Jibes
             during the search widen the map: the diffusion is larger by `jibing` cells² per cell
             of leeway, which was fitted to tracks of OpenDrift.
+        search: how long the search lasts, in seconds; above 0. If given, these jibes widen the
+            map only from the search on, on average over it; otherwise while adrift, too.
         scale: the size of cells and the duration of steps.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
         grid_size: if given, with `timestep_limit`, there is a warning if more than 1% of the
@@ -268,7 +271,11 @@ def person(
         adrift=scale.whole_steps(checks.real("adrift", adrift, 0)),
     )
     winds, currents = _in_each_step(scale, wind=wind, current=current)
-    hypotheses = partial(_hypotheses, kind, winds, currents, scale, known, per_hour)
+    widening = per_hour
+    if search is not None:
+        duration = checks.positive("search", search)
+        widening *= duration / (2 * scale.seconds(known.adrift) + duration)
+    hypotheses = partial(_hypotheses, kind, winds, currents, scale, known, widening)
     jibes = min(per_hour * scale.seconds(known.adrift) / 3600, _MOST_JIBES)
     if jibes < _FEWEST_JIBES or not winds.any():
         jibes = 0.0
@@ -372,13 +379,15 @@ def _hypotheses(
     currents: Floats,
     scale: Scale,
     known: Drift,
-    jibing: float,
+    widening: float,
     share: float,
     split: bool,
 ) -> list[Drift]:
     """The hypotheses about objects on either side of the wind, the right one first.
 
-    `share` is the sum of their weights; with `split`, there may be three on each side.
+    `widening` is the diffusion, in cells² per cell of leeway, that stands for jibes during the
+    search and for places within cells. `share` is the sum of the weights; with `split`, there may
+    be three hypotheses on each side.
     """
     lengths = np.hypot(*winds.T)
     checks.real("the speed of wind", float(lengths.max()), 0, _FASTEST)
@@ -392,8 +401,7 @@ def _hypotheses(
     found = []
     for across, across_sd in (sides[:2], sides[2:]):
         mean = currents + along * downwind + across * rightward
-        # Stands for jibes during the search, and for places within cells.
-        spread = jibing * float(np.hypot(*((mean - currents) * grid).T).mean())
+        spread = widening * float(np.hypot(*((mean - currents) * grid).T).mean())
         diffusion = min(known.diffusion + spread, MAX_DIFFUSION)
         # An object's two errors are its own for life: their displacements are vectors.
         errors = np.cumsum([along_sd * downwind, across_sd * rightward], axis=1)

@@ -158,16 +158,19 @@ def test_a_known_drift_leaves_the_grid_at_its_edge():
     assert Drift((5, 5), vector=(1e308, 0), adrift=9).mass_beyond(7, 9) == 1
 
 
+DRIFTING: dict[str, Any] = {
+    "start": st.tuples(st.floats(-9, 20), st.floats(-9, 20)),
+    "start_sd": st.tuples(st.floats(0.1, 5), st.floats(0.1, 5)),
+    "vector": st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
+    "vector_sd": st.floats(0, 0.3),
+    "diffusion": st.floats(0, 2 / 3),
+    "adrift": st.integers(0, 9),
+    "step": st.integers(0, 40),
+}
+
+
 @settings(max_examples=50)
-@given(
-    start=st.tuples(st.floats(-9, 20), st.floats(-9, 20)),
-    start_sd=st.tuples(st.floats(0.1, 5), st.floats(0.1, 5)),
-    vector=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
-    vector_sd=st.floats(0, 0.3),
-    diffusion=st.floats(0, 2 / 3),
-    adrift=st.integers(0, 9),
-    step=st.integers(0, 40),
-)
+@given(**DRIFTING)
 def test_the_share_beyond_the_grid_is_that_of_the_gaussian(
     start, start_sd, vector, vector_sd, diffusion, adrift, step
 ):
@@ -207,15 +210,7 @@ def test_huge_numbers_stay_numbers(huge):
 
 
 @settings(max_examples=50)
-@given(
-    start=st.tuples(st.floats(-9, 20), st.floats(-9, 20)),
-    start_sd=st.tuples(st.floats(0.1, 5), st.floats(0.1, 5)),
-    vector=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
-    vector_sd=st.floats(0, 0.3),
-    diffusion=st.floats(0, 2 / 3),
-    adrift=st.integers(0, 9),
-    step=st.integers(0, 40),
-)
+@given(**DRIFTING)
 def test_the_extent_holds_the_gaussian(start, start_sd, vector, vector_sd, diffusion, adrift, step):
     spread = {"start_sd": start_sd, "vector_sd": vector_sd, "diffusion": diffusion}
     person = Person(Drift(start, vector=vector, adrift=adrift, **spread))

@@ -350,8 +350,7 @@ class Person:
 
         float64, (2, 2), in cells, on a grid without borders; no start may be an array.
         """
-        # A forecast comes and goes smoothly: 33 steps stand for all.
-        steps = {len(self.searched) + round(last * part / 32) for part in range(33)}
+        steps = [len(self.searched) + step for step in _some_steps(last)]
         if self.tracks is not None:
             parts = [self.tracks.positions[min(step, self.tracks.steps)] for step in steps]
             corners = np.array([np.quantile(part, (0.001, 0.999), axis=0) for part in parts])
@@ -474,7 +473,7 @@ def warn_of_mass_beyond(
 ) -> None:
     """Warn if more than 1% of a person's forecast lies beyond the grid within the time limit."""
     last = checks.integer("timestep_limit", timestep_limit, 1, checks.LARGEST_EXACT)
-    steps = {round(last * part / 32) for part in range(33)}
+    steps = _some_steps(last)
     drifting = [person for person in persons if person.tracks is None]  # tracks warn themselves
     every = [(each.mass_beyond(grid_size, step), -step) for each in drifting for step in steps]
     beyond, step = max(every, default=(0.0, 0))
@@ -484,6 +483,11 @@ def warn_of_mass_beyond(
             f"{grid_size} cells at step {-step}: take a larger grid, or larger cells",
             stacklevel=stacklevel + 1,
         )
+
+
+def _some_steps(last: int) -> set[int]:
+    """A few steps from the first to the last: a forecast comes and goes smoothly."""
+    return {round(last * part / 32) for part in range(33)}
 
 
 def _within(grid_size: int, means: Floats, deviation: float) -> Floats:

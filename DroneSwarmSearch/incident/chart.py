@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from DroneSwarmSearch.incident.flight_plan import FlightPlan
 
-__all__ = ["draw", "save"]
-
 PAGE, SHEET = np.array([[595.0, 842.0], [515.0, 580.0]])  # the page and the map, in points
 DASHES = (9, 0), (5, 1.6), (1.2, 1), (7, 1.4, 1.2, 1.4), (2.6, 1.2), (7, 1.4, 1.2, 1.4, 1.2, 1.4)
 STEPS = np.array([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800])

@@ -105,11 +105,15 @@ def summary(plan: FlightPlan) -> str:
     success = [
         f"{plan.success[n]:.0%} after {m}" for m, n in steps.items() if n < len(plan.success)
     ]
-    found = [
-        replace(incident, **more).plan(QUICK).probability_of_success
-        for more in ({}, {"drones": incident.drones + 1}, {"endurance": incident.endurance + 1800})
-    ]
-    drone, time = (f"{100 * (more - found[0]):+.0f}" for more in found[1:])
+    quick, *found = (
+        each.plan(QUICK).probability_of_success
+        for each in (
+            incident,
+            replace(incident, drones=incident.drones + 1),
+            replace(incident, endurance=incident.endurance + 1800),
+        )
+    )
+    drone, time = (f"{100 * (more - quick):+.0f}" for more in found)
     lines = [
         incident.sentence,
         f"After {len(incident.flown)} flights that found nobody." if incident.flown else "",

@@ -7,7 +7,8 @@ import io
 import json
 import math
 import xml.etree.ElementTree as ET
-from datetime import datetime, timezone
+from datetime import datetime
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.files import write_bytes, write_text
-from DroneSwarmSearch.incident.flights import Flight, Waypoint
+from DroneSwarmSearch.incident.flights import Flight, Waypoint, in_utc, track
 
 if TYPE_CHECKING:
     from DroneSwarmSearch.incident.flight_plan import FlightPlan
@@ -26,7 +27,7 @@ COLOURS = ["e69f00", "56b4e9", "009e73", "f0e442", "0072b2", "d55e00", "cc79a7",
 """Of drones, from M. Okabe and K. Ito, Color universal design, 2008."""
 
 MAP = 230, 0, 130
-"""The colour of the probability: visible on dark and on light seas, and no drone's."""
+"""The colour of the probability: visible on a dark and on a light chart, and no drone's."""
 
 Line = list[tuple[float, float]]
 
@@ -73,16 +74,9 @@ def read_csv(path: Path) -> list[list[Waypoint]]:
     return [flights[drone] for drone in sorted(flights)]
 
 
-def _time(text: str) -> datetime:
-    time = datetime.fromisoformat(text.replace("Z", "+00:00"))
-    if time.tzinfo is None:
-        raise ValueError
-    return time.astimezone(timezone.utc)
-
-
 PARSERS: dict[str, Any] = {
     "drone": (lambda text: checks.integer("", int(text), 0), "a whole number of at least 0"),
-    "time_utc": (_time, "a time with its zone, such as 2026-03-01T05:30:00Z"),
+    "time_utc": (partial(in_utc, "time_utc"), "a time with its zone, such as 2026-03-01T05:30:00Z"),
     "latitude_deg": (lambda text: checks.real("", float(text), -90, 90), "from -90 to 90"),
     "longitude_deg": (lambda text: checks.real("", float(text), -180, 180), "from -180 to 180"),
     "searching": (lambda text: bool(("false", "true").index(text.lower())), "true or false"),
@@ -193,8 +187,7 @@ def _utc(time: datetime) -> str:
 
 def _legs(plan: FlightPlan, flight: Flight) -> Floats:
     """The lengths of the legs in metres."""
-    latitudes, longitudes = zip(*((each.latitude, each.longitude) for each in flight), strict=True)
-    points = plan.incident.layout.grid.plane.metres(latitudes, longitudes)
+    points = track(flight, plan.incident.layout.grid.plane)
     lengths: Floats = np.hypot(*np.diff(points, axis=0).T)
     return lengths
 

@@ -22,8 +22,6 @@ from DroneSwarmSearch.policies.planned import searching_in_flight
 from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.scenario import Cell
 
-__all__ = ["POLICIES", "FlightPlan"]
-
 QUICK = "greedy-posterior"
 POLICIES = "planner", QUICK
 """The policies that plan flights; the second one takes a second."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import datetime, timezone
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +14,6 @@ from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.scenario import Cell
-
-__all__ = ["Flight", "SearchGrid", "Waypoint", "schedule", "turns", "without_exchanges"]
 
 
 class Waypoint(NamedTuple):
@@ -38,6 +36,26 @@ class Waypoint(NamedTuple):
 
 Flight = Sequence[Waypoint]
 """The waypoints of one drone, in the order of their times."""
+
+
+def in_utc(name: str, value: object) -> datetime:
+    """A time in UTC, from a datetime or a text with a zone; else a TypeError or ValueError."""
+    what = f'{name} must be a time with a zone, such as "2026-03-01T05:30Z"'
+    if isinstance(value, str):
+        try:
+            value = datetime.fromisoformat(value.strip().replace("Z", "+00:00"))
+        except ValueError:
+            raise ValueError(f"{what}, got {value!r}") from None
+    if not isinstance(value, datetime):
+        raise TypeError(f"{what}, got {value!r}")
+    if value.tzinfo is None:
+        raise ValueError(f"{what}, got {value.isoformat()} without one")
+    return value.astimezone(timezone.utc)
+
+
+def track(flight: Flight, plane: TangentPlane) -> Floats:
+    """The positions of a flight's waypoints on a plane, in metres (east, north): (n, 2)."""
+    return plane.metres([each.latitude for each in flight], [each.longitude for each in flight])
 
 
 def schedule(distances: Floats, speed: float, gap: float) -> Floats:
@@ -129,7 +147,7 @@ def _along(flight: Flight, plane: TangentPlane, spacing: float) -> tuple[Floats,
     Returns times in seconds since 1970, (n,), and metres on the plane, (n, 2).
     """
     times = np.array([each.time.timestamp() for each in flight])
-    points = plane.metres([each.latitude for each in flight], [each.longitude for each in flight])
+    points = track(flight, plane)
     searching = np.array([each.searching for each in flight])
     lengths = np.append(np.hypot(*np.diff(points, axis=0).T), 0.0)
     every, found = np.column_stack([times, points]), [np.empty((0, 3))]

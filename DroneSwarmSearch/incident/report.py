@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from datetime import datetime, timedelta, timezone
+from datetime import datetime, timedelta
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -24,13 +24,11 @@ from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.drift.tracks import Tracks
 from DroneSwarmSearch.evaluation.suite import NamedSearch
-from DroneSwarmSearch.incident.flights import SearchGrid, Waypoint, schedule
+from DroneSwarmSearch.incident.flights import SearchGrid, Waypoint, in_utc, schedule
 from DroneSwarmSearch.scenario import Cell, Scenario
 
 if TYPE_CHECKING:
     from DroneSwarmSearch.incident.flight_plan import FlightPlan
-
-__all__ = ["Incident"]
 
 Pair = tuple[float, float]
 
@@ -42,9 +40,6 @@ FARTHEST = 100_000.0
 
 MOST_STATES = 40_000
 """The most cells times hypotheses: planning for more takes minutes and gigabytes."""
-
-DIFFUSIVITY = 5.0
-"""Of the turbulent sea in m²/s, the default of `leeway.person`."""
 
 LEAST_SIZE = 12
 """Cells along each side of the smallest grid."""
@@ -145,7 +140,7 @@ class Incident:
                 "object_class and wind must be given, or tracks in their place, got "
                 f"object_class={self.object_class!r}, wind={self.wind!r}"
             )
-        place, when = _position("position", position), _time("time", time)
+        place, when = _position("position", position), in_utc("time", time)
         base = place if self.base is None else _position("base", self.base)
         away = float(np.hypot(*TangentPlane(*place).metres(*base)))
         if not away <= FARTHEST:
@@ -153,7 +148,7 @@ class Incident:
                 f"base must be within {FARTHEST / 1000:g} km of position, got {base}, far from "
                 f"{place}; is the latitude first in both?"
             )
-        start = when + timedelta(hours=1) if self.start is None else _time("start", self.start)
+        start = when + timedelta(hours=1) if self.start is None else in_utc("start", self.start)
         if start < when:
             raise ValueError(f"start must not be before time, {when}, got {start}")
         values = {
@@ -172,7 +167,9 @@ class Incident:
             "base": base,
             "altitude": checks.real("altitude", self.altitude, 0),
             "flown": tuple(
-                tuple(Waypoint(drone, _time("flown", when), *rest) for drone, when, *rest in flight)
+                tuple(
+                    Waypoint(drone, in_utc("flown", when), *rest) for drone, when, *rest in flight
+                )
                 for flight in self.flown
             ),
         }
@@ -275,7 +272,7 @@ class Incident:
         else:
             flights = flown.flights
         landed = max(flight[-1].time for flight in flights)
-        start = landed + timedelta(minutes=30) if at is None else _time("at", at)
+        start = landed + timedelta(minutes=30) if at is None else in_utc("at", at)
         if start < landed:
             raise ValueError(f"at must not be before the last landing, {landed}, got {start}")
         return replace(self, start=start, flown=(*self.flown, *map(tuple, flights)))
@@ -374,19 +371,11 @@ class Incident:
             wind=self.wind,
             current=self.current,
             adrift=(begin - self.time).total_seconds(),
-            diffusivity=DIFFUSIVITY,
+            search=scale.seconds(steps),
             scale=scale,
             probability_of_detection=detected,
         )
-        # The diffusion that stands for jibes during the search must not widen the drift before it.
-        alone = scale.diffusion(DIFFUSIVITY)
-        before = person.drifts[0].adrift
-        share = steps / (2 * before + steps)
-        drifts = [
-            replace(each, diffusion=alone + share * (each.diffusion - alone))
-            for each in person.drifts
-        ]
-        return Person(tuple(drifts), detected, searched=searched)
+        return replace(person, searched=searched)
 
 
 def _seconds(seconds: float) -> timedelta:
@@ -409,21 +398,6 @@ def _position(name: str, value: object) -> Pair:
             f"89, the longitude from -180 to 180, got {value!r}"
         )
     return latitude, longitude
-
-
-def _time(name: str, value: object) -> datetime:
-    """A time in UTC."""
-    what = f'{name} must be a time with a zone, such as "2026-03-01T05:30Z"'
-    if isinstance(value, str):
-        try:
-            value = datetime.fromisoformat(value.strip().replace("Z", "+00:00"))
-        except ValueError:
-            raise ValueError(f"{what}, got {value!r}") from None
-    if not isinstance(value, datetime):
-        raise TypeError(f"{what}, got {value!r}")
-    if value.tzinfo is None:
-        raise ValueError(f"{what}, got {value.isoformat()} without one")
-    return value.astimezone(timezone.utc)
 
 
 def _flow(name: str, value: Any, fastest: float) -> Any:
