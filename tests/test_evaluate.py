@@ -267,7 +267,7 @@ WHOLE = (
     [
         ([[1, 2, 3]], "swarm", ValueError, rf"{WHOLE.format('2, 3')} shape \(1, 3\)"),
         (np.ones((2, 3)), "swarm", TypeError, f"{WHOLE.format('2, 3')} float64"),
-        ({"drone0": 1}, "swarm", TypeError, "policy from dicts to dicts needs view=.parallel"),
+        ({"drone0": 1}, "swarm", TypeError, "must be an array of integers with view=.swarm"),
         (np.arange(2, 8), "drone", ValueError, f"{WHOLE.format('6,')} 6"),
         (np.ones(6, int), "parallel", TypeError, "the policy's actions must be a mapping from"),
     ],
