@@ -230,6 +230,17 @@ def test_the_signature_shows_every_keyword() -> None:
     assert [*episodes(SingleDroneEnv(**defaults), 2)] == [*episodes(SingleDroneEnv(), 2)]
 
 
+def test_the_id_with_the_module_needs_no_import() -> None:
+    program = """
+import gymnasium
+env = gymnasium.make("DroneSwarmSearch:DroneSwarmSearch-v0", grid_size=5)
+envs = gymnasium.make_vec("DroneSwarmSearch:DroneSwarmSearch-v0", num_envs=3, grid_size=5)
+print(env.reset(seed=1)[0].shape, envs.reset(seed=1)[0].shape, type(envs).__name__)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout == "(27,) (3, 27) DroneVectorEnv\n", done.stderr
+
+
 def test_reloading_the_package_does_not_warn() -> None:
     program = "import DroneSwarmSearch, importlib; importlib.reload(DroneSwarmSearch)"
     subprocess.run([sys.executable, "-W", "error", "-c", program], check=True)

@@ -51,8 +51,8 @@ def compare_with_baselines(
         episodes: number of episodes; at least 1.
         name: the policy's name in the table.
         folder: evaluation.csv is written there, one row per policy; search.json, which the
-            commands read as a search; and video.gif, the first episode. If `policy` is a string,
-            the command that plays it in the window is printed.
+            commands read as a search; and video.gif, the episode with seed 0. If `policy` is a
+            string, the command that plays that episode in the window is printed.
         baselines: names of policies of the package.
 
     Returns:
@@ -89,8 +89,8 @@ def compare_with_baselines(
         save_csv(Path(folder) / "evaluation.csv", every)
         search.save(file := Path(folder) / "search.json")
         video = Path(folder) / "video.gif"
-        record(policy, search, video, view=view, seed=SEED, name=name)
-        print(f"\n{video} shows the first of these episodes.")
+        record(policy, search, video, view=view, name=name)
+        print(f"\n{video} shows the policy.")
         if isinstance(policy, str):
-            print(f"To play it: python -m DroneSwarmSearch play {file} --policy {policy}")
+            print(f"To watch it: python -m DroneSwarmSearch play {file} --policy {policy}")
     return every
