@@ -57,8 +57,8 @@ def evaluate(
             callable from observations to actions. A class is instantiated with the search's
             `Scenario`, in the form "file.py:Class:argument" also with a string.
         search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`.
-        view: what the policy sees and returns: a `View`, or its form. What it leaves at the
-            default is the policy's own attribute `view` if it has one, and the form that works.
+        view: what the policy sees and returns: a `View`, or its form. Without a form, what it
+            leaves at the default is as in the policy's attribute `view`, and a form that works.
         episodes: the number of episodes, at least 1.
         seed: of the first episode, at least 0; episode i has the seed `seed + i`.
         deterministic: whether the actions depend on nothing but what the policy has observed

@@ -23,10 +23,10 @@ PolicyLike = Callable[[Any], Any]
 
 
 def view_of(spec: PolicySpec, search: NamedSearch, view: View | str | None) -> View:
-    """What a policy sees: `view`, completed by the policy's own view, and a form that works.
+    """What a policy sees: `view` if it has a form; otherwise also the policy's own view.
 
-    Raises ValueError if the policy is one of this package and cannot take the view, or if no form
-    works.
+    If no form is known, it is the first that works. Raises ValueError if the policy is one of this
+    package and cannot take the view, or if no form works.
     """
     given = (view if isinstance(view, View) else View(view)).over(spec.view or View())
     if issubclass(spec.kind, BatchPolicy):
@@ -37,8 +37,9 @@ def view_of(spec: PolicySpec, search: NamedSearch, view: View | str | None) -> V
                 f"for {spec.name}, got {given!r}"
             )
         return given
-    policy = prepared(spec, search)
-    given = given.over(getattr(policy, "view", View()))
+    if given.form is None:
+        policy = prepared(spec, search)
+        given = given.over(getattr(policy, "view", View()))
     if given.form is not None:
         return given
     problems: dict[str, Exception] = {}
