@@ -68,6 +68,7 @@ def plot_curve(
         axes.axhline(fmean(found), color=colour, linestyle=(2 * number, dashes), label=label)
     axes.set(xlabel=_tidy(steps), ylabel="success")
     axes.set_xlim(left=0)
+    axes.autoscale_view()  # horizontal lines alone leave no margin
     bottom, top = axes.get_ylim()
     axes.set_ylim(max(bottom, 0.0), min(top, 1.0))
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
