@@ -1,10 +1,10 @@
-"""Play one episode with the prior and the posterior, and record it as a video."""
+"""Play one episode, and record it as a video."""
 
 from __future__ import annotations
 
 import base64
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -55,10 +55,13 @@ def record(
     name: str | None = None,
     bayesian_update: bool | None = None,
     fps: float = 6.0,
+    title: str | None = None,
+    both: bool = False,
 ) -> Video:
-    """Record a video of one episode: the prior on the left, the posterior on the right.
+    """Record a video of one episode: what the searches so far leave of the probability.
 
-    An existing file is only replaced when the video is complete.
+    The map is cropped to the likely cells, the drones and the persons. An existing file is only
+    replaced when the video is complete.
 
     Args:
         policy: as for `evaluate`; a callable sees one search, as `DroneSwarmSearch` shows it.
@@ -68,31 +71,38 @@ def record(
         name: the policy's name in the picture.
         bayesian_update: whether the policy sees the posterior; None: as in the search.
         fps: steps shown per second, from 0.1 to 50.
+        title: up to two lines above the map; None: the first sentence of the search's `reason`.
+        both: show the whole maps of prior and posterior side by side, with a panel instead.
 
     Raises:
         ImportError: the package of the extra "video" is missing.
         OSError: the file cannot be written.
         TypeError, ValueError: an argument is invalid.
     """
+    from DroneSwarmSearch.rendering.film import Film
     from DroneSwarmSearch.rendering.painter import Painter
 
     target, rate = Path(path), checks.real("fps", fps, FPS_LEAST, FPS_MOST)
     spec, where = PolicySpec.of(policy, name), as_named(search).with_posterior(bayesian_update)
     first = checks.integer("seed", seed, 0)
     made = spec.make(where.scenario)
-    title = f"{spec.name} searching {where.name}, seed {seed}"
-    reason = where.reason if where.scale else ""
-    painter = Painter(where.scenario.grid_size, Look(grid=True), view="both", reason=reason)
+    label = f"{spec.name} searching {where.name}, seed {seed}"
     last: list[Frame] = []
 
     def frames() -> Iterator[Frame]:
         for frame, _ in play(made, where, first):
             last[:] = [frame]
             bar(frame.step)
-            yield replace(frame, policy=title, scale=where.scale)
+            yield replace(frame, policy=label if both else spec.name, scale=where.scale)
 
-    with Progress(f"video of {title}", where.scenario.timestep_limit) as bar:
-        write_video(target, painter, frames(), fps=rate, hold=HOLD, gif_width=GIF_WIDTH)
+    def painter_of(played: Sequence[Frame]) -> Film | Painter:
+        if both:
+            reason = where.reason if where.scale else ""
+            return Painter(where.scenario.grid_size, Look(grid=True), view="both", reason=reason)
+        return Film(played, title=where.reason if title is None else title)
+
+    with Progress(f"video of {label}", where.scenario.timestep_limit) as bar:
+        write_video(target, frames(), painter_of, fps=rate, hold=HOLD, gif_width=GIF_WIDTH)
     return Video(target, last[0])
 
 
