@@ -52,7 +52,7 @@ HEAD, FONT = 30, 23
 
 def logo() -> None:
     """Save the symbol of a drone, the logo of the documentation."""
-    symbol = sprites.drone(192, palette.Look(palette="classic").drone(0))
+    symbol = sprites.drone(192, 0)
     pixels = pygame.image.tobytes(symbol, "RGBA")
     Image.frombytes("RGBA", symbol.get_size(), pixels).save(IMAGES / "logo.png", optimize=True)
 
