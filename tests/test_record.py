@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import Scale
 from DroneSwarmSearch import cli as command
-from DroneSwarmSearch.evaluation import SUITE, NamedSearch, Video, evaluate, record, recording
+from DroneSwarmSearch.evaluation import (
+    SUITE,
+    NamedSearch,
+    Video,
+    View,
+    evaluate,
+    record,
+    recording,
+)
 from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.policies import make
@@ -58,7 +66,7 @@ class Watcher:
 def frames(policy: Any, search: NamedSearch, seed: int = 0) -> list[Frame]:
     """The frames of an episode."""
     made = make(policy, search.scenario) if isinstance(policy, str) else policy
-    return [frame for frame, _ in play(made, search, seed)]
+    return [frame for frame, _ in play(made, search, seed, View("parallel"))]
 
 
 class TestFrames:
@@ -115,8 +123,7 @@ class TestVideo:
         monkeypatch.setattr(recording, "write_video", write)
         record(Watcher(), replace(small(), scale=scale), tmp_path / "video.gif", both=True)
         assert made["scales"] == {scale}
-        text = "For tests." if scale else ""
-        assert made["painter"].size == Painter(5, view="both", reason=text).size
+        assert made["painter"].size == Painter(5, view="both", reason="For tests.").size
 
     def test_a_video_holds_the_last_picture(self, tmp_path, monkeypatch):
         monkeypatch.setattr(recording, "HOLD", 1.0)

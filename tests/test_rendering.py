@@ -233,7 +233,7 @@ class TestSymbols:
         looks = [Picture(replace(frame, **symbol)) for symbol in symbols]
         for number, look in enumerate(looks):
             for other in looks[:number]:
-                assert differs(look.map, other.map, 60).sum() > 0.05 * look.cell(0, 1)[..., 0].size
+                assert differs(look.map, other.map, 60).sum() > 0.02 * look.cell(0, 1)[..., 0].size
 
     @pytest.mark.parametrize("grid_size", [20, 48, 200])
     def test_25_drones_differ(self, grid_size):

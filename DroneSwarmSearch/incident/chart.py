@@ -91,24 +91,22 @@ def draw(plan: FlightPlan) -> Figure:
     gap = 50 * point * cell / incident.speed / 60  # minutes between heads of arrows
     marked = [known, base]
     for drone, (track, minutes) in enumerate(zip(tracks, flown, strict=True)):
-        colour, ink = (np.array(each) / 255 for each in (drone_colour(drone), INK))
+        disc = drone_colour(drone)
+        colour, ink, white = (np.array(each) / 255 for each in (disc, INK, readable_on(disc)))
         dashes = (0, DASHES[drone % len(DASHES)])
-        edge: Any = {
-            "color": colour,
-            "path_effects": [Stroke(linewidth=2.6, foreground=ink), Normal()],
-        }
+        casing = [Stroke(linewidth=2.6, foreground=ink), Normal()]
+        look: Any = {"color": colour, "path_effects": casing}
         first = [each.searching for each in plan.flights[drone]].index(True)
         axes.plot(*track[: first + 1].T, color=ink, linewidth=0.7)
-        axes.plot(*track[first:].T, linestyle=dashes, label=f"drone {drone}", **edge)
+        axes.plot(*track[first:].T, linestyle=dashes, label=f"drone {drone}", **look)
         for time in np.arange(minutes[0] + gap, minutes[-1], gap):
             tail, tip = _between(track, minutes, [time - gap / 20, time + gap / 20])
             axes.annotate("", tip, tail, arrowprops=HEAD | {"color": ink})
-        look: Any = {"zorder": 8, "clip_on": True, **CENTRED}
+        look = {"zorder": 8, "clip_on": True, **CENTRED}
         circle = {"boxstyle": "circle", "facecolor": colour, "edgecolor": ink}
-        number = np.array(readable_on(drone_colour(drone))) / 255
         clear = [at for at in track[first:] if np.abs(at - marked).max(axis=1).min() > 12 * point]
         place = clear[0] if clear else track[first]
-        axes.text(*place, f"{drone}", bbox=circle, color=number, weight="bold", **look)
+        axes.text(*place, f"{drone}", bbox=circle, color=white, **{**look, "zorder": 10})
         marked.append(place)
         times = np.arange(np.ceil(minutes[0] / step), minutes[-1] / step) * step
         for time, at in zip(times, _between(track, minutes, times), strict=True):

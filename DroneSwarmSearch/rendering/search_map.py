@@ -33,15 +33,15 @@ LEFT, TOP, RIGHT, BOTTOM = 46, 42, 22, 24  # margins; the first two hold the coo
 TICK_ROOM, KILOMETRE_ROOM, TICK_FONT = 26, 44, 18
 NORTH = 14  # the side of the arrow to the north
 OPAQUE_FROM, GRID_OPACITY = 16, 0.45  # closer lines are fainter than this opacity
-SYMBOL_SHARE, SEARCHING_SHARE = 0.92, 0.76  # a symbol, a drone inside a search ring
+SYMBOL_SHARE = 0.84  # of a symbol
 SYMBOL_LEAST = 26  # for a legible number, even if symbols then leave their cell
 # In a cell with several symbols: their size in relation to one that is alone, the least size, and
 # the distance from the middle of the cell.
 SHARED_SIZE, SHARED_LEAST, APART_SHARE, APART_LEAST = 0.54, 20, 0.27, 9
-RING_MARGIN = 8  # how much larger than its drone a search ring is at least
+RING_SIZE, RING_MARGIN = 1.2, 8  # of a search ring: in relation to its drone, and at least larger
 COLLISION_SIZE = 2.5  # of the star of a collision, in relation to a drone
-TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 3, 230  # width, least width, that of the last move
-SEARCHED_SHARE, SEARCHED_LEAST = 0.25, 5  # of the mark of a search
+TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 4, 230  # width, least width, that of the last move
+SEARCHED_SHARE, SEARCHED_LEAST = 0.25, 6  # of the mark of a search
 FADES = 6  # the opacities of marks that fade
 Point = tuple[float, float]
 Places = Sequence[Sequence[float]]
@@ -64,24 +64,18 @@ class SearchMap:
 
     def draw(self, canvas: pygame.Surface, frame: Frame, end: Frame, progress: float) -> None:
         """Draw the moment at `progress`, 0 to 1, from a frame to `end`, the next one or itself."""
-        self._draw_border(canvas, INK, 1)
-        self._draw_coordinates(canvas, frame.scale)
-        self.draw_inside(canvas, frame, end, progress)
-        if frame.ending is not None:
-            self._draw_border(canvas, outcome_colour(frame), 5)
-
-    def draw_inside(
-        self, canvas: pygame.Surface, frame: Frame, end: Frame, progress: float
-    ) -> None:
-        """Draw as `draw`, without border and coordinates."""
         drones = _on_the_way(frame.drones, end.drones, progress)
         persons = _on_the_way(frame.persons, end.persons, progress)
+        self._draw_border(canvas, INK, 1)
+        self._draw_coordinates(canvas, frame.scale)
         self._draw_cells(canvas, frame.matrix)
         if self._look.grid:
             self._draw_lines(canvas)
         self._draw_trails(canvas, frame, drones)
         self._draw_searched(canvas, frame)
         self._draw_symbols(canvas, frame, end, drones, persons)
+        if frame.ending is not None:
+            self._draw_border(canvas, outcome_colour(frame), 5)
 
     def _centre(self, x: float, y: float) -> Point:
         """The pixel in the middle of a cell."""
@@ -184,13 +178,10 @@ class SearchMap:
             if len(drones) > 1:
                 marks.append((sprites.collision(round(COLLISION_SIZE * size)), middle))
             for drone, place in zip(drones, places, strict=False):
-                side = size
                 if end.searching[drone]:
-                    side = max(
-                        round(SEARCHING_SHARE / SYMBOL_SHARE * size), min(size, SYMBOL_LEAST)
-                    )
-                    marks.append((sprites.search_ring(max(size, side + RING_MARGIN)), place))
-                symbols.append((sprites.drone(side, drone), place))
+                    ring = max(round(RING_SIZE * size), size + RING_MARGIN)
+                    marks.append((sprites.search_ring(ring), place))
+                symbols.append((sprites.drone(size, drone), place))
             for person, place in zip(persons, places[len(drones) :], strict=True):
                 finder = frame.found_by[person]
                 image = sprites.person(size)

@@ -25,7 +25,6 @@ from DroneSwarmSearch.rendering.palette import (
 )
 
 TEXT_SUPERSAMPLING = 4
-NUMBER_SHARE = 0.84  # the font of a number, in relation to its disc
 Point = tuple[float, float]
 
 
@@ -104,7 +103,7 @@ def drone(size: int, number: int) -> pygame.Surface:
     line = max(1.2 * pen.pixel, 0.05)
     pen.discs((1.0, WHITE), (1.0 - line, INK), (1.0 - 2 * line, colour))
     disc = pen.finish()
-    text = fitted_line(f"{number}", round(NUMBER_SHARE * size), 0.76 * size, readable_on(colour))
+    text = fitted_line(f"{number}", round(0.84 * size), 0.76 * size, readable_on(colour))
     disc.blit(text, text.get_rect(center=(size // 2, size // 2)))
     return disc
 
@@ -114,12 +113,9 @@ def person(size: int) -> pygame.Surface:
     """A missing person: a life ring."""
     pen = _Pen(size, INK)
     line = max(pen.pixel, 0.05)
-    pen.discs((1.0, INK), (1.0 - line, WHITE))
-    for middle in (45, 135, 225, 315):
-        angles = [math.radians(angle) for angle in range(middle - 27, middle + 28, 6)]
-        reach = 1 - line
-        arc = [(reach * math.cos(angle), reach * math.sin(angle)) for angle in angles]
-        pen.polygon([(0, 0), *arc], LIFE_RING)
+    pen.discs((1.0, INK), (1.0 - line, LIFE_RING))
+    for x, y in ((0.7, 0.0), (0.0, 0.7)):
+        pen.stroke([(-x, -y), (x, y)], 0.5, WHITE)
     pen.discs((0.44 + line, INK), (0.44, WATER))
     return pen.finish()
 
@@ -128,8 +124,7 @@ def person(size: int) -> pygame.Surface:
 def found(size: int, number: int) -> pygame.Surface:
     """A found person: a tick on a disc in the colour of the drone that made the find."""
     pen, colour = _Pen(size, INK), drone_colour(number)
-    line = pen.pixel
-    pen.discs((1.0, INK), (1.0 - line, WHITE), (1.0 - 2 * line, colour))
+    pen.discs((1.0, INK), (1.0 - pen.pixel, WHITE), (1.0 - 2 * pen.pixel, colour))
     tick = ((-0.396, 0.044), (-0.099, 0.33), (0.418, -0.308))
     pen.stroke(tick, 0.26, readable_on(colour))
     return pen.finish()
@@ -180,9 +175,6 @@ def compass(size: int, vector: tuple[float, float]) -> pygame.Surface:
     """The drift as an arrow in a circle: longer for faster, up to a cell per step."""
     pen = _Pen(size, GREY)
     pen.discs((1.0, GREY), (1.0 - 1.2 * pen.pixel, WHITE))
-    for east, south in ((0, -1), (1, 0), (0, 1), (-1, 0)):
-        ends = [(0.84 * east, 0.84 * south), (0.92 * east, 0.92 * south)]
-        pen.stroke(ends, 1.4 * pen.pixel, GREY)
     speed = math.hypot(*vector)
     if speed == 0.0:
         pen.disc((0, 0), 0.1, INK)

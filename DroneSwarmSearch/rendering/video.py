@@ -7,7 +7,6 @@ import itertools
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,7 +50,7 @@ def write_video(
         played = list(frames)
         painter = painter_of(played)
         yield painter.pixels(played[0])
-        for frame, following in pairwise(played):
+        for frame, following in itertools.pairwise(played):
             for part in range(1, per_step):
                 yield painter.pixels(frame, towards=following, progress=part / per_step)
             yield painter.pixels(following)
