@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
+from itertools import zip_longest
 
 from DroneSwarmSearch.evaluation.statistics import Estimate
 
+WIDTH = 80  # characters in a line of a table
 MOST_DECIMALS = 4  # decimals of figures with a narrow interval; those with a wide one have one
 
 
@@ -36,11 +39,37 @@ def _shown(estimate: Estimate, sign: str, to: str) -> str:
 
 
 def print_table(headers: Sequence[str], rows: Sequence[Sequence[str]], words: int = 2) -> None:
-    """Print a table on stdout; the first columns, `words` of them, are aligned to the left."""
-    widths = [max(map(len, column)) for column in zip(headers, *rows, strict=True)]
-    for line in (headers, ["-" * width for width in widths], *rows):
-        cells = [
-            cell.ljust(width) if place < words else cell.rjust(width)
-            for place, (cell, width) in enumerate(zip(line, widths, strict=True))
+    """Print a table on stdout; the first columns, `words` of them, are aligned to the left.
+
+    A table wider than `WIDTH` breaks its headers into lines, and then itself into several tables,
+    each with the first columns.
+    """
+    columns = [*zip(headers, *rows, strict=True)]
+    widths = [max(map(len, column)) for column in columns]
+    if _total(widths) > WIDTH:
+        parts = [textwrap.wrap(header, 1, break_long_words=False) for header in headers]
+        widths = [
+            max(map(len, [*each, *cells])) for each, (_, *cells) in zip(parts, columns, strict=True)
         ]
-        print("  ".join(cells).rstrip())
+    tables = [[*range(words)]]
+    for place in range(words, len(widths)):
+        if _total([widths[each] for each in [*tables[-1], place]]) > WIDTH:
+            tables.append([*range(words)])
+        tables[-1].append(place)
+    for number, places in enumerate(tables):
+        if number:
+            print()
+        wrapped = [textwrap.wrap(headers[place], widths[place]) for place in places]
+        rules = ["-" * widths[place] for place in places]
+        shown = ([row[place] for place in places] for row in rows)
+        for line in (*zip_longest(*wrapped, fillvalue=""), rules, *shown):
+            cells = [
+                cell.ljust(widths[place]) if place < words else cell.rjust(widths[place])
+                for place, cell in zip(places, line, strict=True)
+            ]
+            print("  ".join(cells).rstrip())
+
+
+def _total(widths: Sequence[int]) -> int:
+    """The width of a table, with two spaces between its columns."""
+    return sum(widths) + 2 * (len(widths) - 1)
