@@ -18,7 +18,6 @@ from DroneSwarmSearch.evaluation.suite import NamedSearch, search_on_grid
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import POLICIES
-from DroneSwarmSearch.rendering.labels import success_explained
 from DroneSwarmSearch.rendering.palette import Look
 from DroneSwarmSearch.rendering.player import Player, Recording, Score
 from DroneSwarmSearch.rendering.text import WIDTH, print_frames
@@ -188,12 +187,12 @@ def _print_summary(
     if frame.persons:
         lines.append(f"persons found   {sum(frame.found)} of {len(frame.persons)}")
     if frame.probability_of_success is not None:
-        success = f"{frame.probability_of_success:.1%} (probability of success)"
+        success = f"{frame.probability_of_success:.1%} of all such persons are found by now"
         lines.append(f"POS             {success}")
     if search.scale is not None:
         cell, step = search.scale.metres_per_cell, search.scale.seconds_per_step
         lines.append(f"scale           cells of {cell:g} m, steps of {step:.3g} s")
-    print("\n".join([*lines, success_explained(frame)]).rstrip(), flush=True)
+    print("\n".join(lines), flush=True)
 
 
 def _look(options: argparse.Namespace) -> Look:

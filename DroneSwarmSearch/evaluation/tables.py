@@ -41,35 +41,24 @@ def _shown(estimate: Estimate, sign: str, to: str) -> str:
 def print_table(headers: Sequence[str], rows: Sequence[Sequence[str]], words: int = 2) -> None:
     """Print a table on stdout; the first columns, `words` of them, are aligned to the left.
 
-    A table wider than `WIDTH` breaks its headers into lines, and then itself into several tables,
-    each with the first columns.
+    If it is wider than `WIDTH`, headers take several lines; columns that still do not fit follow in
+    another table, after the first columns.
     """
     columns = [*zip(headers, *rows, strict=True)]
     widths = [max(map(len, column)) for column in columns]
-    if _total(widths) > WIDTH:
-        parts = [textwrap.wrap(header, 1, break_long_words=False) for header in headers]
-        widths = [
-            max(map(len, [*each, *cells])) for each, (_, *cells) in zip(parts, columns, strict=True)
+    shown = len(widths)
+    if sum(widths) + 2 * (shown - 1) > WIDTH:
+        widths = [max(map(len, [*header.split(), *cells])) for header, *cells in columns]
+    while shown > words + 1 and sum(widths[:shown]) + 2 * (shown - 1) > WIDTH:
+        shown -= 1
+    heads = zip_longest(*map(textwrap.wrap, headers, widths), fillvalue="")
+    for line in (*heads, ["-" * width for width in widths], *rows):
+        cells = [
+            cell.ljust(width) if place < words else cell.rjust(width)
+            for place, (cell, width) in enumerate(zip(line, widths, strict=True))
         ]
-    tables = [[*range(words)]]
-    for place in range(words, len(widths)):
-        if _total([widths[each] for each in [*tables[-1], place]]) > WIDTH:
-            tables.append([*range(words)])
-        tables[-1].append(place)
-    for number, places in enumerate(tables):
-        if number:
-            print()
-        wrapped = [textwrap.wrap(headers[place], widths[place]) for place in places]
-        rules = ["-" * widths[place] for place in places]
-        shown = ([row[place] for place in places] for row in rows)
-        for line in (*zip_longest(*wrapped, fillvalue=""), rules, *shown):
-            cells = [
-                cell.ljust(widths[place]) if place < words else cell.rjust(widths[place])
-                for place, cell in zip(places, line, strict=True)
-            ]
-            print("  ".join(cells).rstrip())
-
-
-def _total(widths: Sequence[int]) -> int:
-    """The width of a table, with two spaces between its columns."""
-    return sum(widths) + 2 * (len(widths) - 1)
+        print("  ".join(cells[:shown]).rstrip())
+    if shown < len(widths):
+        print()
+        rest, *more = ([*line[:words], *line[shown:]] for line in (headers, *rows))
+        print_table(rest, more, words)

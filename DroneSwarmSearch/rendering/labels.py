@@ -18,14 +18,6 @@ def outcome_in_brief(frame: Frame) -> str:
     return f"{frame.ending.description} in step {frame.step}"
 
 
-def success_explained(frame: Frame) -> str:
-    """Why a person is found although the probability of success is small; empty if nobody is."""
-    if frame.ending is not Ending.FOUND or frame.probability_of_success is None:
-        return ""
-    success = f"{frame.probability_of_success:.1%}"
-    return f"Found here; of all such persons, these searches find {success} by now."
-
-
 def drift(frame: Frame) -> tuple[str, list[tuple[str, str]]]:
     """The mean drift: its unit, and each component's name and value; with a scale, at sea."""
     unit, names, values = "cells/step", "xy", frame.vector

@@ -59,8 +59,9 @@ class PlayerWindow(Window):
                 return "you quit"
             if player.is_at_end and self.is_hidden:
                 return ""  # nobody can press a key
-            if layout != (player.view, _shows_card(player)):
-                layout = player.view, _shows_card(player)
+            has_card = player.is_at_end and bool(player.recording.scores)
+            if layout != (player.view, has_card):
+                layout = player.view, has_card
                 self.resize(self._size_of(*layout))
             state = player.moment, player.view, player.status, player.hint
             if state != shown:
@@ -72,19 +73,14 @@ class PlayerWindow(Window):
         frame, towards, progress = player.moment
         picture = self._painters[player.view].paint(frame, towards=towards, progress=progress)
         area = picture.get_rect()
-        has_card = _shows_card(player)
-        canvas = pygame.Surface(self._size_of(player.view, has_card), 0, 32)
+        canvas = pygame.Surface(self._size, 0, 32)
         canvas.fill(PAPER)
         canvas.blit(picture, area)
         _draw_strip(canvas, area.height, player)
-        if has_card:
+        if self._size[0] > area.width:
             card = _score_card(player.recording.scores)
             canvas.blit(card, card.get_rect(midleft=area.midright))
         self.draw(canvas)
-
-
-def _shows_card(player: Player) -> bool:
-    return player.is_at_end and bool(player.recording.scores)
 
 
 def _draw_strip(canvas: pygame.Surface, top: int, player: Player) -> None:

@@ -13,8 +13,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.rendering.labels import drift, percent, success_explained, tick_stride
+from DroneSwarmSearch.rendering.labels import drift, percent, tick_stride
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
+from DroneSwarmSearch.rules import Ending
 
 # From probability 0 to the matrix's maximum; differs from the marks, to be readable behind them.
 RAMP = ".:;=oO%#@"
@@ -36,33 +37,31 @@ def render_text(frame: Frame, columns: int = WIDTH, rows: int | None = None) -> 
     """
     size = frame.grid_size
     margin = len(str(size - 1)) + 1
-    legend = _legend(frame, 1, columns)
-    # Lines are kept free for the status, the numbers of columns, the outcome, and a list.
-    taken = len(frame.uncertain_persons) + len(legend) + 5
-    high = size if rows is None else rows - taken
+    # The other lines: status, numbers of columns, ending, cells in full, legend.
+    high = size if rows is None else rows - 7 - len(frame.uncertain_persons)
     side = math.ceil(size / max(1, min(columns - margin, high)))  # of a place, in cells
-    count = math.ceil(size / side)
-    usual = len(f"{len(frame.drones) - 1}{SEARCHING}") + 1
-    width = max(1, min((columns - margin) // count, usual + 2))
-    numbers = ""
-    for x in range(0, count, tick_stride(margin, width)):
-        numbers = numbers.ljust((x + 1) * width - len(str(side * x))) + str(side * x)
     edges = np.arange(0, size, side)
+    width = min((columns - margin) // len(edges), len(f"{len(frame.drones) - 1}{SEARCHING}") + 3)
+    numbers = " " * margin
+    for x in range(0, len(edges), tick_stride(margin, width)):
+        numbers = numbers.ljust(margin + (x + 1) * width - len(str(edges[x]))) + str(edges[x])
+    tokens, room = _tokens(frame, side), max(1, width - 1)
+
+    def fit(token: str) -> str:
+        shorter = token, FOUND + token.rpartition(FOUND)[2], token.rstrip(SEARCHING), SEVERAL
+        return next(part for part in shorter if len(part) <= room)
+
+    fitted = {place: fit(token) for place, token in tokens.items()}
     sums = np.add.reduceat(np.add.reduceat(frame.matrix, edges, axis=0), edges, axis=1)
     levels = np.rint(shares_of_maximum(sums) * (len(RAMP) - 1)).astype(np.intp)
-    tokens, room = _tokens(frame, side), max(1, width - 1)
-    lines = [*_header(frame, columns), " " * margin + numbers]
+    lines = [*_header(frame, columns), numbers]
     for y, row in enumerate(levels.tolist()):
-        shown = (_fitted(tokens.get((x, y), ""), room) + RAMP[n] for x, n in enumerate(row))
-        cells = (text[:width].rjust(width) for text in shown)
+        texts = (fitted.get((x, y), "") + RAMP[level] for x, level in enumerate(row))
+        cells = (text[:width].rjust(width) for text in texts)
         lines.append(f"{side * y:{margin - 1}} " + "".join(cells))
-    listed = [
-        f"({side * x}, {side * y}): {token}"
-        for (x, y), token in tokens.items()
-        if _fitted(token, room) != token
-    ]
-    lines += _joined(listed, columns) + _legend(frame, float(sums.max()), columns, side)
-    return "\n".join(lines)
+    cut = tokens.items() - fitted.items()
+    full = (f"({side * x}, {side * y}): {token}" for (x, y), token in sorted(cut))
+    return "\n".join([*lines, *_joined(full, columns), *_legend(frame, columns, side, sums.max())])
 
 
 def print_frames(frames: Iterable[Frame], fps: float) -> None:
@@ -102,32 +101,29 @@ def _header(frame: Frame, columns: int) -> list[str]:
         lines += _joined([f"hypotheses{whose}: {weights}"], columns)
     if frame.ending is not None:
         lines += _joined([f"{frame.outcome} ({frame.ending.description})"], columns)
-        lines += _joined([text for text in [success_explained(frame)] if text], columns)
+        if frame.ending is Ending.FOUND and frame.probability_of_success is not None:
+            success = f"{frame.probability_of_success:.1%}"
+            lines.append(f"Found here; of all such persons, {success} are found by now")
     return lines
 
 
 def _joined(parts: Iterable[str], columns: int) -> list[str]:
-    """Lines of the parts, with bars between those that fit in one."""
-    lines: list[str] = []
-    for part in parts:
-        if lines and len(f"{lines[-1]} | {part}") <= columns:
-            lines[-1] += f" | {part}"
-        else:
-            lines += textwrap.wrap(part, columns)
-    return lines
+    """Lines of the parts, with bars between them; a part that fits a line is not broken."""
+    whole = " | ".join(part.replace(" ", "\xa0") for part in parts)
+    lines = textwrap.wrap(whole, columns)
+    return [line.replace("\xa0", " ").removesuffix(" |") for line in lines]
 
 
 def _tokens(frame: Frame, side: int) -> dict[tuple[int, int], str]:
-    """What is at each place with `side` cells along a side."""
+    """What is at each place of the map, which has `side` cells along a side."""
+    drones, persons = (
+        [(x // side, y // side) for x, y in cells] for cells in (frame.drones, frame.persons)
+    )
     tokens: dict[tuple[int, int], str] = {}
-    for number, ((x, y), searching) in enumerate(zip(frame.drones, frame.searching, strict=True)):
-        place = x // side, y // side
+    for number, (place, searching) in enumerate(zip(drones, frame.searching, strict=True)):
         before = tokens[place] + SEVERAL if place in tokens else ""
         tokens[place] = f"{before}{number}{SEARCHING if searching else ''}"
-    finds = [
-        ((x // side, y // side), by)
-        for (x, y), by in zip(frame.persons, frame.found_by, strict=True)
-    ]
+    finds = list(zip(persons, frame.found_by, strict=True))
     missing = [place for place, drone in finds if drone is None and not frame.hide_persons]
     for place, count in Counter(missing).items():
         tokens[place] = tokens.get(place, "") + MISSING + (str(count) if count > 1 else "")
@@ -137,14 +133,7 @@ def _tokens(frame: Frame, side: int) -> dict[tuple[int, int], str]:
     return tokens
 
 
-def _fitted(token: str, room: int) -> str:
-    """A token, or what fits of it: a find, the number of a drone, or `+`."""
-    find = token[max(token.find(FOUND), 0) :]
-    shorter = (token, find, token.rstrip(SEARCHING), SEVERAL)
-    return next(text for text in shorter if len(text) <= room)
-
-
-def _legend(frame: Frame, maximum: float, columns: int, side: int = 1) -> list[str]:
+def _legend(frame: Frame, columns: int, side: int, maximum: float) -> list[str]:
     last = len(frame.drones) - 1
     numbers = "0" if last == 0 else f"0-{last}"
     meanings = [f"{numbers} drone, {SEARCHING} searching, {SEVERAL} more, listed below"]
