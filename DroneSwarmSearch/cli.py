@@ -14,8 +14,8 @@ from typing import Any
 
 from DroneSwarmSearch import demo
 from DroneSwarmSearch.evaluation import commands
+from DroneSwarmSearch.evaluation.options import add_view
 from DroneSwarmSearch.incident import command as plan
-from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.scenario import MISSIONS
 
@@ -122,8 +122,9 @@ examples:
 }
 
 OWN_POLICY = (
-    "your own: weights.npz of examples/train_ppo.py, module:attribute or file.py:attribute, "
-    "whose code is executed; each also after name="
+    "your own: weights.npz of examples/train_ppo.py, model.zip of Stable-Baselines3, "
+    "module:attribute, file.py:attribute or file.py:Class:argument, whose code is executed; "
+    "each also after name="
 )
 
 FORMAT: Any = partial(argparse.RawDescriptionHelpFormatter, max_help_position=28)
@@ -194,6 +195,7 @@ def _add_files(parser: argparse.ArgumentParser, name: str) -> None:
     kind = "the video, .gif or .mp4" if name == "record" else "the file, .json"
     add("--out", metavar="FILE", required=True, help=kind)
     add("--posterior", action="store_true", default=None, help=POSTERIOR)
+    add_view(parser)
 
 
 def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
@@ -222,10 +224,7 @@ def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
         add("--episodes", metavar="N", type=int, default=2000, help="per search (default: 2000)")
         add("--seed", metavar="S", type=int, default=0, help="of the first episode (default: 0)")
         add("--posterior", action="store_true", default=None, help=POSTERIOR)
-        add("--view", default="swarm", help="what your policy sees: swarm, drone, parallel (swarm)")
-        add("--observation", default="dict", help=f"its layout: {', '.join(LAYOUTS)} (dict)")
-        add("--action-mask", action="store_true", help="also show it masks of valid actions")
-        add("--right-of-way", action="store_true", help="these masks prevent all collisions")
+        add_view(parser)
         alike = "it always acts alike after the same observations: exact success and time"
         add("--deterministic", action="store_true", default=None, help=alike)
     has_joblib = importlib.util.find_spec("joblib") is not None

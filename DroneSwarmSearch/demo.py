@@ -11,8 +11,9 @@ from pathlib import Path
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.env import DroneSwarmSearch
+from DroneSwarmSearch.evaluation.options import add_view, view_from
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.rollout import reset_policy
+from DroneSwarmSearch.evaluation.stage import prepared, steering, view_of
 from DroneSwarmSearch.evaluation.suite import NamedSearch, search_on_grid
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import Observation
@@ -55,7 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     prior = "show the drones, and you, the forecast of the drift instead of the posterior"
     add("--prior", action="store_true", help=prior)
 
-    policies = f"{', '.join(POLICIES)}, or a file of weights, .npz (default: {USUAL_POLICY})"
+    policies = f"{', '.join(POLICIES)}, or your own as for `evaluate` (default: {USUAL_POLICY})"
+    add_view(parser)
     add = parser.add_argument_group("episode").add_argument
     add("--policy", metavar="NAME", default=USUAL_POLICY, help=policies)
     seed = "seed of the persons' drift (default: 0)"
@@ -122,20 +124,20 @@ class _Episode:
     def __init__(
         self, search: NamedSearch, options: argparse.Namespace, seed: int, rival: str = ""
     ) -> None:
-        name = rival or options.policy
-        self._label = f"you and {name}" if options.manual and not rival else name
-        self._policy = PolicySpec.of(name).make(search.scenario)
+        spec = PolicySpec.of(rival or options.policy)
+        self._label = f"you and {spec.name}" if options.manual and not rival else spec.name
+        self._policy = prepared(spec, search)
+        self._act = steering(self._policy, search, seed, view_of(spec, search, view_from(options)))
         self._hide_person = options.hide_person
         self.search = search
         self._env = DroneSwarmSearch(scenario=search.scenario, render_mode=None)
         self._observations, _ = self._env.reset(seed, drones_positions=search.drones)
-        reset_policy(self._policy, seed)
         self.frame = self._current_frame()
 
     def step(self, action: Action | None = None) -> Frame:
         """Play a step with the policy's actions, or another one for drone 0; return its frame."""
         if action is None:
-            actions = self._policy(self._observations)
+            actions = self._act()
         else:
             # Shown drone 0 where its action leads, the policy keeps the others away.
             (x, y), matrix = self._observations["drone0"]["observation"]

@@ -203,7 +203,10 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path):
         (["evaluate", "random"], "POLICY and SEARCH are needed"),
         (["evaluate", "random", "harbor"], "got 'harbor'; did you mean harbour"),
         (["evaluate", "randon", "pond"], "got 'randon'"),
-        (["evaluate", "mine.py", "pond"], "or 'file.py:attribute', got 'mine.py'"),
+        (
+            ["evaluate", "mine.py", "pond"],
+            "'file.py:attribute' or 'file.py:Class:argument', got 'mine.py'",
+        ),
         (["evaluate", "math:tau", "pond"], "math has none called 'tau'"),
         (["evaluate", "random", "pond", "--view", "drone"], "view must be 'swarm' or 'parallel'"),
         (["bound", "no.json"], "No such file or directory: 'no.json'"),
@@ -274,7 +277,7 @@ def test_a_full_disk_is_reported_and_finished_results_are_kept(capsys, own, tmp_
 
 def test_a_worker_that_dies_is_reported(own):
     with pytest.raises(RuntimeError, match="process managed by the executor was unexpectedly"):
-        command.main(["evaluate", f"{own}:dies", "pond", "--episodes", "2", "--workers", "2"])
+        command.main(["evaluate", f"{own}:dies", "pond", "--view", "swarm", "--workers", "2"])
 
 
 def test_a_closed_pipe_ends_the_command_quietly():

@@ -68,7 +68,7 @@ def test_all_persons_found_in_one_step() -> None:
     scenario = Scenario(5, timestep_limit=4, persons=[person, person])
     search = NamedSearch("both", "For tests.", scenario, ((2, 2),))
     still = lambda shown: np.full((len(shown["row"]), 1), 4)  # noqa: E731
-    curves = play(still, search, [1, 2], View()).curves
+    curves = play(still, search, [1, 2], View("swarm")).curves
     assert curves.tolist() == [[0.0, 1.0, 1.0, 1.0, 1.0]] * 2
 
 

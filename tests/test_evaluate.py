@@ -240,7 +240,7 @@ def test_a_policy_is_prepared_once_and_copied_for_every_portion(monkeypatch, tmp
                 return dict.fromkeys(shown, idle)
             return np.full((len(shown["row"]), 3), idle)
 
-    evaluate(Listener(), named(), episodes=6, seed=10, progress=False)
+    evaluate(Listener(), named(), episodes=6, seed=10, view="swarm", progress=False)
     prepared, *portions = log.read_text().splitlines()
     assert prepared == "prepare ((1, 1), (4, 5), (5, 0))"
     assert portions == ["reset [10, 11, 12, 13] None after 0", "reset [14, 15] None after 0"]
@@ -267,7 +267,7 @@ WHOLE = (
     [
         ([[1, 2, 3]], "swarm", ValueError, rf"{WHOLE.format('2, 3')} shape \(1, 3\)"),
         (np.ones((2, 3)), "swarm", TypeError, f"{WHOLE.format('2, 3')} float64"),
-        ({"drone0": 1}, "swarm", TypeError, "policy from dicts to dicts needs view=.parallel"),
+        ({"drone0": 1}, "swarm", TypeError, "must be an array of integers with view=.swarm"),
         (np.arange(2, 8), "drone", ValueError, f"{WHOLE.format('6,')} 6"),
         (np.ones(6, int), "parallel", TypeError, "the policy's actions must be a mapping from"),
     ],

@@ -123,7 +123,7 @@ class Recorder:
 def test_packaged_policies_agree_with_a_dense_chain(name, person):
     search = named(person)
     policy = Recorder(make(name, search.scenario))
-    (success,) = play(policy, search, [0], View()).curves
+    (success,) = play(policy, search, [0], View("swarm")).curves
     np.testing.assert_allclose(success, curve_of(search, policy.actions[0]), rtol=0, atol=1e-12)
     assert success[0] == 0.0
     assert (np.diff(success) >= 0.0).all()
@@ -136,10 +136,10 @@ def test_a_policy_sees_what_it_would_see_in_the_environment(person, bayesian_upd
     """Bit for bit: the history of every sampled episode begins one of the exact computation."""
     search = named(person, bayesian_update=bayesian_update)
     exact = Recorder(Climber(search.scenario))
-    play(exact, search, [0], View())
+    play(exact, search, [0], View("swarm"))
     known = {tuple(history[:n]) for history in exact.histories for n in range(len(history) + 1)}
     sampled = Recorder(Climber(search.scenario))
-    episodes = play(sampled, search, range(60), View(), False)
+    episodes = play(sampled, search, range(60), View("swarm"), False)
     assert len(sampled.histories) == 60
     for history in sampled.histories:
         assert tuple(history) in known

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario, Tracks
 from DroneSwarmSearch import cli as command
-from DroneSwarmSearch.evaluation import SUITE, NamedSearch, export
+from DroneSwarmSearch.evaluation import SUITE, NamedSearch, View, export
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.palette import PALETTES
 
@@ -142,7 +142,7 @@ class TestErrors:
         ("changed", "error", "words"),
         [
             ({"seeds": [-1]}, ValueError, "seeds must be an integer of at least 0, got -1"),
-            ({"bayesian_update": 1}, TypeError, "bayesian_update must be True or False, got 1"),
+            ({"view": "both"}, ValueError, "view must be one of 'swarm', 'drone', 'parallel'"),
         ],
     )
     def test_bad_input_is_refused(self, tmp_path, changed, error, words):
@@ -154,7 +154,7 @@ class TestErrors:
         (tmp_path / "file").touch()
         searches: list[Any] = []
         with pytest.raises(OSError, match=r"file/a\.json"):
-            export([searches.append], storm(), tmp_path / "file" / "a.json")
+            export([searches.append], storm(), tmp_path / "file" / "a.json", view="parallel")
         assert not searches
 
     def test_an_existing_file_is_kept_if_a_policy_fails(self, tmp_path):
@@ -164,7 +164,7 @@ class TestErrors:
         path = tmp_path / "storm.json"
         path.write_text("before", "utf-8")
         with pytest.raises(RuntimeError, match="no idea"):
-            export(["random", failing], storm(), path)
+            export(["random", failing], storm(), path, view="parallel")
         assert path.read_text("utf-8") == "before"
         assert list(tmp_path.iterdir()) == [path]
 
@@ -176,7 +176,7 @@ class TestCommand:
         arguments = ["--policies", *policies, "--seeds", "0", "7", "--posterior"]
         assert command.main(["export", "pond", *arguments, "--out", str(path)]) == 0
         assert capsys.readouterr().out == f"{path}: 4 episodes of pond\n"
-        export(policies, "pond", same, seeds=[0, 7], bayesian_update=True)
+        export(policies, "pond", same, seeds=[0, 7], view=View(bayesian_update=True))
         assert path.read_bytes() == same.read_bytes()
 
     def test_a_path_that_cannot_be_written_is_reported(self, capsys):

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import Scale
 from DroneSwarmSearch import cli as command
-from DroneSwarmSearch.evaluation import SUITE, NamedSearch, Video, evaluate, record, recording
+from DroneSwarmSearch.evaluation import (
+    SUITE,
+    NamedSearch,
+    Video,
+    View,
+    evaluate,
+    record,
+    recording,
+)
 from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.policies import make
@@ -58,7 +66,7 @@ class Watcher:
 def frames(policy: Any, search: NamedSearch, seed: int = 0) -> list[Frame]:
     """The frames of an episode."""
     made = make(policy, search.scenario) if isinstance(policy, str) else policy
-    return [frame for frame, _ in play(made, search, seed)]
+    return [frame for frame, _ in play(made, search, seed, View("parallel"))]
 
 
 class TestFrames:

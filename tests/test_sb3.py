@@ -18,7 +18,7 @@ from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
 pytest.importorskip("stable_baselines3")
 
-from stable_baselines3 import PPO
+from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.callbacks import BaseCallback, EvalCallback
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.env_util import make_vec_env
@@ -238,6 +238,41 @@ def test_an_unmasked_model_is_evaluated_with_or_without_masks(
         for masked in (False, True)
     ]
     assert data_of(results[0]) == data_of(results[1])
+
+
+@both_views
+@pytest.mark.parametrize("layout", ["flat", "dict", "planes", "crops"])
+@pytest.mark.parametrize("masks", [None, "info", "observation"])
+def test_a_saved_model_is_a_policy(
+    tmp_path: Path, view: type[SearchVectorEnv], layout: str, masks: str | None
+) -> None:
+    """Its form, layout and masks follow from its spaces; it plays as the model in memory does."""
+    contrib = pytest.importorskip("sb3_contrib")
+    env = made(view, 4, observation=layout, action_mask=masks, right_of_way=masks is not None)
+    if layout == "dict" and masks == "observation":
+        pytest.skip("Stable-Baselines3 refuses nested dicts")
+    kind = "MultiInputPolicy" if layout == "dict" or masks == "observation" else "MlpPolicy"
+    make = contrib.MaskablePPO if masks == "info" else PPO
+    model = make(kind, env, n_steps=8, batch_size=16, seed=1, device="cpu")
+    model.save(tmp_path / "model.zip")
+    saved = evaluate(str(tmp_path / "model.zip"), Scenario(**SMALL), episodes=20, name="model")
+    form = "swarm" if view is SwarmVectorEnv else "drone"
+    shown = View(form, layout, masks is not None, masks is not None, bayesian_update=True)
+    assert saved.view == shown
+    told = evaluate(
+        TrainedPolicy(logits(model)), Scenario(**SMALL), episodes=20, name="model", view=shown
+    )
+    assert data_of(saved) == data_of(told)
+
+
+def test_a_saved_model_for_other_searches_is_refused(tmp_path: Path) -> None:
+    model = PPO("MlpPolicy", made(DroneVectorEnv, 4, observation="flat"), n_steps=8, batch_size=16)
+    model.save(tmp_path / "model.zip")
+    with pytest.raises(ValueError, match=r"must observe a layout .* 4 x 4 cells with n_drones=3"):
+        evaluate(str(tmp_path / "model.zip"), Scenario(**{**SMALL, "n_drones": 3}))
+    DQN("MlpPolicy", "DroneSwarmSearch-v0", buffer_size=10).save(tmp_path / "dqn.zip")
+    with pytest.raises(ValueError, match=r"dqn\.zip must hold an actor-critic model, got .*DQN"):
+        evaluate(str(tmp_path / "dqn.zip"), "pond")
 
 
 @pytest.mark.filterwarnings("error")

@@ -16,12 +16,19 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
-from DroneSwarmSearch.adapters.trained_policy import listed
+from DroneSwarmSearch.adapters.trained_policy import TrainedPolicy, listed
+from DroneSwarmSearch.layouts import LAYOUTS
+from DroneSwarmSearch.layouts.view import View
+from DroneSwarmSearch.scenario import Scenario
+from DroneSwarmSearch.vector.engine import SearchBatch
+from DroneSwarmSearch.vector.observations import TOP_CELLS, BatchObservations
 from DroneSwarmSearch.vector.vector_env import DroneVectorEnv, SwarmVectorEnv
 
-__all__ = ["LogSuccess", "SB3VecEnv", "logits"]
+__all__ = ["LogSuccess", "SB3Policy", "SB3VecEnv", "logits"]
 
 
 class SB3VecEnv(VecEnv):
@@ -121,15 +128,16 @@ class LogSuccess(BaseCallback):
         return True
 
 
-def logits(model: BaseAlgorithm) -> Callable[[Any], NDArray[Any]]:
+def logits(model: BaseAlgorithm | ActorCriticPolicy) -> Callable[[Any], NDArray[Any]]:
     """The network of a trained model, for `TrainedPolicy`.
 
     `model` is an actor-critic model of Stable-Baselines3, or sb3-contrib's MaskablePPO, which uses
-    the masks in the observations.
+    the masks in the observations; or its policy.
     """
-    policy, space = model.policy, model.observation_space
+    policy = model.policy if isinstance(model, BaseAlgorithm) else model
+    space = policy.observation_space
     entries = [*space.spaces] if isinstance(space, spaces.Dict) else []
-    uses_masks = "action_masks" in inspect.signature(policy.predict).parameters
+    uses_masks = _uses_masks(policy)
 
     def masked_logits(observations: Any) -> NDArray[Any]:
         shown, masks = observations, None
@@ -149,3 +157,58 @@ def logits(model: BaseAlgorithm) -> Callable[[Any], NDArray[Any]]:
         return values if isinstance(parts, list) else values[:, 0]
 
     return masked_logits
+
+
+class SB3Policy(TrainedPolicy):
+    """An actor-critic model, or a MaskablePPO, that Stable-Baselines3 has saved.
+
+    It samples actions, as in training, and has no memory, so it observes the posterior. Its form,
+    layout and masks follow from its spaces; a MaskablePPO gets masks with right of way.
+
+    Args:
+        scenario: the search to steer.
+        path: the file, .zip; it can execute code, so only load files that you trust.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it holds no such model, or none for this search.
+    """
+
+    def __init__(self, scenario: Scenario, path: str) -> None:
+        data, params, _ = load_from_zip_file(path, device="cpu")
+        kind: Any = (data or {}).get("policy_class")
+        if data is None or not hasattr(kind, "get_distribution"):
+            raise ValueError(f"{path} must hold an actor-critic model, got {kind}")
+        given = data["observation_space"], data["action_space"], lambda _: 0.0
+        policy = kind(*given, **data["policy_kwargs"])
+        policy.load_state_dict(params["policy"])
+        super().__init__(logits(policy), view=_view_of(policy, scenario))
+
+
+def _view_of(policy: ActorCriticPolicy, scenario: Scenario) -> View:
+    """The view whose observations have the shapes of those of the training."""
+    space = policy.observation_space
+    in_dict = isinstance(space, spaces.Dict) and "action_mask" in space.spaces
+    shown = space["observation"] if in_dict else space
+    has_masks, form = in_dict or _uses_masks(policy), "drone"
+    if isinstance(policy.action_space, spaces.MultiDiscrete):
+        form = "swarm"
+    batch = SearchBatch(1, scenario=scenario)
+    for layout in LAYOUTS:
+        each = BatchObservations(batch, layout, form == "swarm", TOP_CELLS, True).space
+        if _shapes(each) == _shapes(shown):
+            return View(form, layout, has_masks, has_masks, bayesian_update=True)
+    raise ValueError(
+        f"the model must observe a layout of a search of {scenario.grid_size} x "
+        f"{scenario.grid_size} cells with n_drones={scenario.n_drones}, got {space}"
+    )
+
+
+def _shapes(space: spaces.Space[Any]) -> Any:
+    if isinstance(space, spaces.Dict):
+        return {name: each.shape for name, each in space.items()}
+    return space.shape
+
+
+def _uses_masks(policy: ActorCriticPolicy) -> bool:
+    return "action_masks" in inspect.signature(policy.predict).parameters

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.layouts.view import View
 
 LEAST_LOGIT = -1e9
 """The logit of masked actions; their probability is 0 in float32."""
@@ -17,20 +18,25 @@ LEAST_LOGIT = -1e9
 class TrainedPolicy:
     """A trained network as a policy for `evaluation.evaluate`.
 
-    Pass `evaluate` the view, the layout and the masks of the training.
-
     Args:
         logits: from the observations of M drones (or swarms), in the form of `evaluate`, to the
             logits of their actions, shape (M, 6) (or (M, n_drones, 6)), very low for masked
             actions. Each adapter has a function `logits` that makes one.
         deterministic: whether to take the most likely actions. By default, actions are sampled,
             as PPO does while it learns; the samples follow from the seeds of the episodes.
+        view: the form, the layout and the masks of the training.
 
     Raises:
         TypeError: `deterministic` is not a bool.
     """
 
-    def __init__(self, logits: Callable[[Any], NDArray[Any]], deterministic: bool = False) -> None:
+    def __init__(
+        self,
+        logits: Callable[[Any], NDArray[Any]],
+        deterministic: bool = False,
+        view: View = View(),  # noqa: B008 (it is frozen)
+    ) -> None:
+        self.view = view
         self._logits = logits
         self._deterministic = checks.boolean("deterministic", deterministic)
         self.reset(seed=0)

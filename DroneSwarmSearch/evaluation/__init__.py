@@ -16,7 +16,7 @@ from DroneSwarmSearch.evaluation.results import Comparison, Evaluation, compare,
 from DroneSwarmSearch.evaluation.run import evaluate
 from DroneSwarmSearch.evaluation.statistics import Estimate
 from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, search
-from DroneSwarmSearch.evaluation.view import View
+from DroneSwarmSearch.layouts.view import View
 
 __all__ = [
     "SUITE",

@@ -14,7 +14,7 @@ from DroneSwarmSearch.evaluation.run import Case, check_names, evaluate_cases
 from DroneSwarmSearch.evaluation.statistics import ROUNDING, Estimate, difference, mean_of
 from DroneSwarmSearch.evaluation.suite import SUITE, as_named
 from DroneSwarmSearch.evaluation.tables import percent
-from DroneSwarmSearch.evaluation.view import View
+from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.policies import POLICIES
 
 
@@ -82,7 +82,7 @@ def leaderboard(
     searches: Sequence[object] | None = None,
     *,
     added: Sequence[object] = (),
-    view: View | str = "swarm",
+    view: View | str | None = None,
     deterministic: bool | None = None,
     episodes: int = 2000,
     seed: int = 0,

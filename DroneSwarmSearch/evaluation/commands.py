@@ -13,12 +13,12 @@ from pathlib import Path
 
 from DroneSwarmSearch import demo, policies
 from DroneSwarmSearch.evaluation import board, exporting, recording, suite
+from DroneSwarmSearch.evaluation.options import view_from
 from DroneSwarmSearch.evaluation.results import Evaluation, csv_text, save_csv
 from DroneSwarmSearch.evaluation.run import bounds_of, check_names, manifest
 from DroneSwarmSearch.evaluation.run_folder import RunFolder, file_name
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table
-from DroneSwarmSearch.evaluation.view import View
 from DroneSwarmSearch.incident import command
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rules import Ending
@@ -100,7 +100,7 @@ def _bound(options: argparse.Namespace) -> None:
 
 def _record(options: argparse.Namespace) -> None:
     search = suite.search_on_grid(options.search)
-    how = {"seed": options.seed, "bayesian_update": options.posterior, "fps": options.fps}
+    how = {"seed": options.seed, "view": view_from(options), "fps": options.fps}
     video = recording.record(options.policy, search, options.out, **how)
     outcome = outcome_in_brief(video.last)
     print(f"{options.out}: {options.policy} searching {search.name}, {outcome}")
@@ -108,7 +108,7 @@ def _record(options: argparse.Namespace) -> None:
 
 def _export(options: argparse.Namespace) -> None:
     search = suite.search_on_grid(options.search)
-    how = {"seeds": options.seeds, "bayesian_update": options.posterior}
+    how = {"seeds": options.seeds, "view": view_from(options)}
     data = exporting.export(options.policies, search, options.out, **how)
     count = len(data["episodes"])
     print(f"{options.out}: {count} episode{'s' * (count > 1)} of {search.name}")
@@ -127,12 +127,11 @@ _COMMANDS = {
 
 def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leaderboard:
     """Evaluate packaged policies and added ones; the options of the view apply to the latter."""
-    masks = options.action_mask, options.right_of_way
     return board.leaderboard(
         options.policies,
         _searches(options),
         added=added,
-        view=View(options.view, options.observation, *masks, options.posterior),
+        view=view_from(options),
         deterministic=options.deterministic,
         episodes=options.episodes,
         seed=options.seed,

@@ -19,8 +19,10 @@ from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.recording import play
+from DroneSwarmSearch.evaluation.stage import prepared, view_of
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
 Maps = dict[tuple[float, bytes], int]  # the number of each map, by its maximum and percentages
@@ -32,7 +34,7 @@ def export(
     path: str | os.PathLike[str],
     *,
     seeds: Iterable[int] = (0,),
-    bayesian_update: bool | None = None,
+    view: View | str | None = None,
 ) -> dict[str, Any]:
     """Write the episodes of some policies on a search as JSON, and return the content.
 
@@ -60,29 +62,29 @@ def export(
       - "prior", "posterior": the number of a map for each step, of the missing persons.
 
     Args:
-        policies: a list of policies, each as for `evaluate`; a callable sees one search, as
-            `DroneSwarmSearch` shows it.
+        policies: a list of policies, each as for `evaluate`.
         search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`.
         path: the file, .json.
         seeds: of the episodes of each policy, integers >= 0.
-        bayesian_update: whether the policies see the posterior; None: as in the search.
+        view: what the policies see, as for `evaluate`.
 
     Raises:
         OSError: the file cannot be written.
         TypeError, ValueError: an argument is invalid.
     """
-    where = as_named(search).with_posterior(bayesian_update)
-    specs = [PolicySpec.of(policy) for policy in policies]
+    where, specs = as_named(search), [PolicySpec.of(policy) for policy in policies]
+    views = [view_of(spec, where, view) for spec in specs]
     numbers = [checks.integer("seeds", seed, 0) for seed in seeds]
 
     maps, episodes = Maps(), []
     title, total = f"episodes of {where.name}", len(specs) * len(numbers)
     with replacing(Path(path)) as spare, Progress(title, total) as bar:
-        for spec in specs:
-            policy = spec.make(where.scenario)
+        for spec, seen in zip(specs, views, strict=True):
+            mine = where.with_posterior(seen.bayesian_update)
+            policy = prepared(spec, mine)
             for seed in numbers:
                 who = {"policy": spec.name, "seed": seed}
-                episodes.append(who | _episode(list(play(policy, where, seed)), maps))
+                episodes.append(who | _episode(list(play(policy, mine, seed, seen)), maps))
                 bar(len(episodes))
         data = {
             "format": "DroneSwarmSearch episodes",

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch._internal.errors import did_you_mean
+from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
 from DroneSwarmSearch.scenario import Scenario
@@ -24,13 +25,15 @@ class PolicySpec:
     """A policy to be evaluated; make one with `PolicySpec.of`.
 
     `source` is the policy as given, and the SHA-256 of its file, for manifests; None for one in
-    memory. `policy` is a class that takes a `Scenario`, and `arguments`, or a callable.
+    memory. `policy` is a callable, or a class (with `arguments`, any function) that makes one
+    from a `Scenario` and `arguments`. `view` is what it sees, as far as known.
     """
 
     name: str
     source: Mapping[str, str] | None
     policy: Any
     arguments: tuple[str, ...] = ()
+    view: View | None = None
 
     @property
     def kind(self) -> type:
@@ -61,8 +64,15 @@ class PolicySpec:
         if policy.endswith(".npz"):
             Network.load(policy)
             found, file, arguments = PPOPolicy, policy, (policy,)
-        elif ":" in policy:
-            found, file = _imported(policy)
+        elif policy.endswith(".zip"):
+            from DroneSwarmSearch.adapters.sb3 import SB3Policy
+
+            found, file, arguments = SB3Policy, policy, (policy,)
+        elif parts := re.fullmatch(r"(.+\.py|[\w.]+):(\w+)(?::(.+))?", policy):
+            where, attribute, argument = parts.groups()
+            found, file = _imported(where, attribute)
+            if argument is not None:
+                arguments = (argument,)
         elif policy in POLICIES:
             found, file = POLICIES[policy], None
         else:
@@ -70,25 +80,27 @@ class PolicySpec:
             if policy.endswith(".py"):
                 hint = f"; name an attribute of the file, too, as in '{policy}:policy'"
             raise ValueError(
-                f"policy must be one of {', '.join(POLICIES)}, 'weights.npz', "
-                f"'module:attribute' or 'file.py:attribute', got {policy!r:.100}{hint}"
+                f"policy must be one of {', '.join(POLICIES)}, 'weights.npz', 'model.zip', "
+                "'module:attribute', 'file.py:attribute' or 'file.py:Class:argument', got "
+                f"{policy!r:.100}{hint}"
             )
         source = {"policy": policy}
-        if file is not None:
-            source["sha256"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+        files = [Path(name) for name in (file, *arguments) if name and Path(name).is_file()]
+        if files:
+            content = b"".join(each.read_bytes() for each in dict.fromkeys(files))
+            source["sha256"] = hashlib.sha256(content).hexdigest()
         return cls(name or policy, source, found, arguments)
 
     def make(self, scenario: Scenario) -> Callable[..., Any]:
         """Make the policy for a search with the given scenario."""
         made: Callable[..., Any] = self.policy
-        if self.kind is self.policy:
+        if self.kind is self.policy or self.arguments:
             made = self.policy(scenario, *self.arguments)
         return made
 
 
-def _imported(text: str) -> tuple[Callable[..., Any], str | None]:
-    """The callable of "module:attribute" or "file.py:attribute", and the file."""
-    where, _, attribute = text.rpartition(":")
+def _imported(where: str, attribute: str) -> tuple[Callable[..., Any], str | None]:
+    """A callable of a file or a module, and the file."""
     found: Any
     if where.endswith(".py"):
         path = Path(where)

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import base64
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.progress import Progress
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.rollout import reset_policy
+from DroneSwarmSearch.evaluation.stage import PolicyLike, prepared, steering, view_of
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.rendering.palette import Look
 from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video
 
@@ -53,7 +53,7 @@ def record(
     *,
     seed: int = 0,
     name: str | None = None,
-    bayesian_update: bool | None = None,
+    view: View | str | None = None,
     fps: float = 6.0,
 ) -> Video:
     """Record a video of one episode: the prior on the left, the posterior on the right.
@@ -61,12 +61,12 @@ def record(
     An existing file is only replaced when the video is complete.
 
     Args:
-        policy: as for `evaluate`; a callable sees one search, as `DroneSwarmSearch` shows it.
+        policy: as for `evaluate`.
         search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`.
         path: the file, .gif or .mp4.
         seed: of the episode, an integer >= 0.
         name: the policy's name in the picture.
-        bayesian_update: whether the policy sees the posterior; None: as in the search.
+        view: what the policy sees, as for `evaluate`.
         fps: steps shown per second, from 0.1 to 50.
 
     Raises:
@@ -77,16 +77,17 @@ def record(
     from DroneSwarmSearch.rendering.painter import Painter
 
     target, rate = Path(path), checks.real("fps", fps, FPS_LEAST, FPS_MOST)
-    spec, where = PolicySpec.of(policy, name), as_named(search).with_posterior(bayesian_update)
-    first = checks.integer("seed", seed, 0)
-    made = spec.make(where.scenario)
+    spec, where = PolicySpec.of(policy, name), as_named(search)
+    first, seen = checks.integer("seed", seed, 0), view_of(spec, where, view)
+    where = where.with_posterior(seen.bayesian_update)
+    made = prepared(spec, where)
     title = f"{spec.name} searching {where.name}, seed {seed}"
     reason = where.reason if where.scale else ""
     painter = Painter(where.scenario.grid_size, Look(grid=True), view="both", reason=reason)
     last: list[Frame] = []
 
     def frames() -> Iterator[Frame]:
-        for frame, _ in play(made, where, first):
+        for frame, _ in play(made, where, first, seen):
             last[:] = [frame]
             bar(frame.step)
             yield replace(frame, policy=title, scale=where.scale)
@@ -97,27 +98,28 @@ def record(
 
 
 def play(
-    policy: Callable[..., Any], search: NamedSearch, seed: int
+    policy: PolicyLike, search: NamedSearch, seed: int, view: View
 ) -> Iterator[tuple[Frame, tuple[int, ...]]]:
     """Play one episode in two environments, which show the prior and the posterior.
 
     Of every step, from `reset` on, yields a frame with both and the return under the one that the
-    policy observes, by the search's `bayesian_update`; and the drones' actions.
+    policy sees; and the drones' actions. A batch with the same episode shows the policy its view.
     """
     envs = [
         DroneSwarmSearch(scenario=search.scenario.replace(bayesian_update=flag), render_mode=None)
         for flag in (False, True)
     ]
-    shown = search.scenario.bayesian_update
-    observations = [env.reset(seed, drones_positions=search.drones)[0] for env in envs]
-    reset_policy(policy, seed)
+    for env in envs:
+        env.reset(seed, drones_positions=search.drones)
+    act = steering(policy, search, seed, view)
     chosen: tuple[int, ...] = ()
     while True:
         prior, posterior = (env.frame() for env in envs)
-        total = (prior, posterior)[shown].total_return
+        total = (prior, posterior)[search.scenario.bayesian_update].total_return
         yield replace(posterior, prior=prior.matrix, total_return=total), chosen
         if not envs[0].agents:
             return
-        actions = policy(observations[shown])
-        chosen = tuple(int(actions[drone]) for drone in envs[0].possible_agents)
-        observations = [env.step(actions)[0] for env in envs]
+        actions = act()
+        chosen = tuple(actions.values())
+        for env in envs:
+            env.step(actions)

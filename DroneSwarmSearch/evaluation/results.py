@@ -18,7 +18,7 @@ from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.evaluation.episodes import Episodes, Reliability
 from DroneSwarmSearch.evaluation.statistics import Estimate, bounded_mean, difference
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch
-from DroneSwarmSearch.evaluation.view import View
+from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.rules import Ending
 

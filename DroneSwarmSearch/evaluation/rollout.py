@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
-from DroneSwarmSearch.actions import checked_actions, read_actions
 from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Episodes
+from DroneSwarmSearch.evaluation.stage import PolicyLike, Stage, reset_policy
 from DroneSwarmSearch.evaluation.suite import NamedSearch
-from DroneSwarmSearch.evaluation.view import View
-from DroneSwarmSearch.grid import grid_of
+from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.rules import Action, RewardScheme
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.observations import BatchObservations
-
-PolicyLike = Callable[[Any], Any]
-TOP_CELLS = 8  # cells in the layout "top-cells", as the vector environments show them by default
 
 
 def play(
@@ -49,7 +44,7 @@ def play(
         unfound = SearchBatch(
             at_once, scenario=scenario, drones_positions=search.drones, finds_last=False
         )
-    stage, parts = _Stage(unfound or batch, view), []
+    stage, parts = Stage(unfound or batch, view), []
     for first in range(0, len(seeds), at_once):
         mine = seeds[first : first + at_once]
         reset_policy(policy, mine[0] if view.form == "parallel" else list(mine))
@@ -66,7 +61,7 @@ def searches_of(policy: Any, scenario: Scenario, drones_positions: Any = None) -
         raise ValueError(f"scenario must have one person, got {len(scenario.situation)}")
     plan = None if callable(policy) else checks.numbers("policy", policy, "a policy or a plan")
     batch = SearchBatch(1, scenario=scenario, drones_positions=drones_positions, finds_last=False)
-    stage, steps = _Stage(batch, View(form="parallel")), scenario.timestep_limit
+    stage, steps = Stage(batch, View(form="parallel")), scenario.timestep_limit
     rows = np.arange(1)
     batch.reset([0])
     if plan is None:
@@ -79,18 +74,11 @@ def searches_of(policy: Any, scenario: Scenario, drones_positions: Any = None) -
             return
 
 
-def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:
-    """Call the policy's `reset`, if it has one."""
-    reset = getattr(policy, "reset", None)
-    if reset is not None:
-        reset(seed=seed)
-
-
 def _play(
     policy: PolicyLike,
     batch: SearchBatch,
     unfound: SearchBatch | None,
-    stage: _Stage,
+    stage: Stage,
     seeds: Sequence[int],
 ) -> Episodes:
     batch.reset(seeds)
@@ -180,57 +168,3 @@ class _Follower:
         success = np.where(count == 0, 1.0, 1.0 - missed)
         self._curves[self.goes_on, self._step] = success[self.goes_on]
         self.goes_on &= (self._batch.endings == 0) & (success < 1.0)
-
-
-class _Stage:
-    """Shows the searches of a batch to a policy, and reads its actions."""
-
-    def __init__(self, batch: SearchBatch, view: View) -> None:
-        self._batch, self._view = batch, view
-        scenario, joint = batch.scenario_of(0), view.form != "drone"
-        self._names = tuple(f"drone{i}" for i in range(scenario.n_drones))
-        self._neighbours, _ = grid_of(scenario.grid_size)
-        self._observations = BatchObservations(
-            batch, view.observation, joint, TOP_CELLS, True, view.masks
-        )
-
-    def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
-        """The policy's validated actions in some rows: int64, (n, n_drones)."""
-        shown: Any = self._observations.of_rows(rows)
-        if self._view.form == "parallel":
-            shown = self._by_drone(shown)
-        elif self._view.form == "swarm" and self._view.observation == "dict":
-            entries = shown["observation"] if self._view.action_mask else shown
-            entries["row"] = rows.copy()
-        returned = policy(shown)
-        try:
-            return self._read(returned, len(rows))
-        except (TypeError, ValueError) as error:
-            raise type(error)(f"the policy's {error}") from None
-
-    def _by_drone(self, shown: Any) -> dict[str, Any]:
-        """The observations of one search in the form of `DroneSwarmSearch`."""
-        entries = shown["observation"] if self._view.action_mask else shown
-        matrix = entries["probability_matrix"][0]
-        matrix.flags.writeable = False
-        seen: dict[str, Any] = {}
-        for drone, cell in enumerate(entries["positions"][0].tolist()):
-            own: dict[str, Any] = {"observation": (tuple(cell), matrix)}
-            if self._view.action_mask:
-                own = {"observation": own, "action_mask": shown["action_mask"][0, drone]}
-            seen[self._names[drone]] = own
-        return seen
-
-    def _read(self, actions: Any, n: int) -> Ints:
-        drones = len(self._names)
-        if self._view.form == "parallel":
-            cells = self._batch.cells[0].tolist()
-            chosen, _ = read_actions(actions, self._names, self._neighbours, cells)
-            return np.array([[*chosen]])
-        if isinstance(actions, Mapping):
-            raise TypeError(
-                f"actions must be an array of integers, got {actions!r:.200}; "
-                'a policy from dicts to dicts needs view="parallel"'
-            )
-        shape = (n, drones) if self._view.form == "swarm" else (n * drones,)
-        return checked_actions(actions, shape, np.int64).reshape(n, drones)

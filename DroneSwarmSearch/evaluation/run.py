@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -17,10 +16,11 @@ from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.run_folder import RunFolder
+from DroneSwarmSearch.evaluation.stage import copied, prepared, view_of
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, as_named
-from DroneSwarmSearch.evaluation.view import View
+from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.planning.bound import SuccessBound, success_bound
-from DroneSwarmSearch.policies import BatchPolicy, SwarmPolicy
+from DroneSwarmSearch.policies import SwarmPolicy
 
 # Episodes played together by a fresh copy of the policy: results are the same for any workers.
 PORTION = 500
@@ -30,7 +30,7 @@ def evaluate(
     policy: object,
     search: object,
     *,
-    view: View | str = "swarm",
+    view: View | str | None = None,
     episodes: int = 2000,
     seed: int = 0,
     deterministic: bool | None = None,
@@ -52,11 +52,13 @@ def evaluate(
     start cells, once and before it is copied, and `reset(seed=...)` with the seeds of a portion.
 
     Args:
-        policy: the name of a policy of this package; "weights.npz"; "module:attribute" or
-            "file.py:attribute"; or a callable from observations to actions. A class is
-            instantiated with the search's `Scenario`.
+        policy: the name of a policy of this package; "weights.npz" of examples/train_ppo.py;
+            "model.zip" of Stable-Baselines3; "module:attribute" or "file.py:attribute"; or a
+            callable from observations to actions. A class is instantiated with the search's
+            `Scenario`, in the form "file.py:Class:argument" also with a string.
         search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`.
-        view: what the policy sees and returns: a `View`, or its form.
+        view: what the policy sees and returns: a `View`, or its form. Without a form, what it
+            leaves at the default is as in the policy's attribute `view`, and a form that works.
         episodes: the number of episodes, at least 1.
         seed: of the first episode, at least 0; episode i has the seed `seed + i`.
         deterministic: whether the actions depend on nothing but what the policy has observed
@@ -94,20 +96,14 @@ class Case:
         cls,
         policy: object,
         search: object,
-        view: View | str = "swarm",
+        view: View | str | None = None,
         deterministic: bool | None = None,
         name: str | None = None,
     ) -> Case:
         """Make a case from arguments of `evaluate`."""
-        spec, shown = PolicySpec.of(policy, name), view if isinstance(view, View) else View(view)
-        named = as_named(search).with_posterior(shown.bayesian_update)
-        if issubclass(spec.kind, BatchPolicy) and (
-            shown.form == "drone" or shown.observation != "dict" or shown.action_mask
-        ):
-            raise ValueError(
-                "view must be 'swarm' or 'parallel', with observation='dict' and without masks, "
-                f"for {spec.name}, got {shown!r}"
-            )
+        spec, named = PolicySpec.of(policy, name), as_named(search)
+        shown = view_of(spec, named, view)
+        named = named.with_posterior(shown.bayesian_update)
         # `SwarmPolicy` requires that actions follow from observations.
         is_deterministic = issubclass(spec.kind, SwarmPolicy)
         if deterministic is not None:
@@ -148,7 +144,9 @@ def evaluate_cases(
             done[case] = known
     left = [case for case in cases if case not in done]
     # Policies are prepared first, each once.
-    policies = [*finished([partial(_prepared, case) for case in left], "policies", *how)]
+    policies = [
+        *finished([partial(prepared, case.spec, case.search) for case in left], "policies", *how)
+    ]
     calls = [
         partial(_play, policy, case, seeds)
         for case, policy in zip(left, policies, strict=True)
@@ -200,28 +198,12 @@ def manifest(
     return {**entries, "episodes": episodes, "seed": seed} if cases else entries
 
 
-def _prepared(case: Case) -> Callable[..., Any]:
-    policy = case.spec.make(case.search.scenario)
-    prepare = getattr(policy, "prepare", None)
-    if prepare is not None:
-        prepare(case.search.drones)
-    return policy
-
-
 def _play(policy: Callable[..., Any], case: Case, seeds: Sequence[int]) -> Episodes:
     if not case.is_exact or case.search.scenario.mission == "coverage":
-        return play(_copied(policy), case.search, seeds, case.view)
-    player = _copied(policy)
+        return play(copied(policy), case.search, seeds, case.view)
+    player = copied(policy)
     # One after the other and with two seeds, so that random actions differ.
     followed = [play(player, case.search, [seeds[0] + each], case.view) for each in range(2)]
     curves = Episodes.joined(followed).with_common_curve().curves
-    played = play(_copied(policy), case.search, seeds, case.view, wants_curves=False)
+    played = play(copied(policy), case.search, seeds, case.view, wants_curves=False)
     return replace(played, curves=curves)
-
-
-def _copied(policy: Callable[..., Any]) -> Callable[..., Any]:
-    """A copy; the policy itself if it cannot be copied."""
-    try:
-        return copy.deepcopy(policy)
-    except TypeError:  # it holds a lock or a file, for example
-        return policy

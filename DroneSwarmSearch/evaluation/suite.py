@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.errors import did_you_mean
+from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
@@ -96,6 +98,20 @@ class NamedSearch:
             if "tracks" in person:
                 person["tracks"] = {**person["tracks"], "file": None}
         return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the search as a JSON file, which `search` reads.
+
+        Tracks are named by their file. Raises OSError if it cannot be written.
+        """
+        entry = {"name": self.name, "reason": self.reason, **self.data}
+        if self.scale is not None:
+            entry["scale"] = asdict(self.scale)
+        for person in entry["persons"] or ():
+            if person.get("tracks", {}).get("file"):
+                file = os.path.relpath(person["tracks"]["file"], Path(path).parent)
+                person["tracks"] = {**person["tracks"], "file": file}
+        write_text(Path(path), json.dumps(entry, indent=1) + "\n")
 
     def with_posterior(self, bayesian_update: object) -> NamedSearch:
         """Select what drones see: the posterior (True), the prior (False) or the same (None)."""

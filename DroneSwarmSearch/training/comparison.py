@@ -10,7 +10,7 @@ from DroneSwarmSearch.evaluation.results import Evaluation, compare, save_csv
 from DroneSwarmSearch.evaluation.run import evaluate
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.evaluation.tables import figure, percent, print_table, signed
-from DroneSwarmSearch.evaluation.view import View
+from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.rules import Ending
 from DroneSwarmSearch.scenario import resolve_scenario
 

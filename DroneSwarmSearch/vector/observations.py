@@ -14,6 +14,7 @@ from DroneSwarmSearch.layouts.masks import action_masks, mask_space
 from DroneSwarmSearch.vector.engine import SearchBatch
 
 Observations = Any  # an array, or a dict of arrays
+TOP_CELLS = 8  # cells in the layout "top-cells", by default
 
 
 class BatchObservations:

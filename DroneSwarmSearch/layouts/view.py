@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.layouts import LAYOUTS
+
+FORMS = "swarm", "drone", "parallel"
 
 
 @dataclass(frozen=True)
 class View:
     """What a policy sees and returns.
 
+    A policy may state its own: an attribute `view` of the callable.
+
     Attributes:
         form: "swarm": the observations of `SwarmVectorEnv` for the E episodes that have not
             ended, in the dict layout with their indices as "row"; actions of shape
             (E, n_drones). "drone": the observations of `DroneVectorEnv`; actions of shape
             (E * n_drones,). "parallel": the observations of `DroneSwarmSearch`, one episode at a
-            time; a dict of actions.
+            time; a dict of actions. None: the first of these three for which the policy returns
+            valid actions, tried with the first observations of an episode.
         observation: the layout for "swarm" and "drone": "dict", "flat", "planes", "top-cells"
             or "crops".
         action_mask: whether the policy gets masks of valid actions: {"observation": as above,
@@ -32,14 +37,15 @@ class View:
         ValueError: an attribute is out of range, or they cannot be combined.
     """
 
-    form: str = "swarm"
+    form: str | None = None
     observation: str = "dict"
     action_mask: bool = False
     right_of_way: bool = False
     bayesian_update: bool | None = None
 
     def __post_init__(self) -> None:
-        checks.choice("view", self.form, ("swarm", "drone", "parallel"))
+        if self.form is not None:
+            checks.choice("view", self.form, FORMS)
         checks.choice("observation", self.observation, tuple(LAYOUTS))
         if self.form == "parallel" and self.observation != "dict":
             raise ValueError(f"view='parallel' needs observation='dict', got {self.observation!r}")
@@ -50,3 +56,10 @@ class View:
     def masks(self) -> bool | None:
         """Whether the masks have right of way; None without masks."""
         return self.right_of_way if self.action_mask else None
+
+    def over(self, other: View) -> View:
+        """The other view, with the attributes of this one that differ from their defaults."""
+        values = {each.name: (getattr(self, each.name), each.default) for each in fields(self)}
+        return replace(
+            other, **{name: own for name, (own, usual) in values.items() if own != usual}
+        )

@@ -1,0 +1,158 @@
+"""Policies on stage: what they see of the searches of a batch, and the actions they return."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from DroneSwarmSearch._internal.arrays import Ints
+from DroneSwarmSearch.actions import checked_actions, read_actions
+from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
+from DroneSwarmSearch.evaluation.suite import NamedSearch
+from DroneSwarmSearch.grid import grid_of
+from DroneSwarmSearch.layouts.view import FORMS, View
+from DroneSwarmSearch.policies import BatchPolicy
+from DroneSwarmSearch.vector.engine import SearchBatch
+from DroneSwarmSearch.vector.observations import TOP_CELLS, BatchObservations
+
+PolicyLike = Callable[[Any], Any]
+
+
+def view_of(spec: PolicySpec, search: NamedSearch, view: View | str | None) -> View:
+    """What a policy sees: `view` if it has a form; otherwise also the policy's own view.
+
+    If no form is known, it is the first that works. Raises ValueError if the policy is one of this
+    package and cannot take the view, or if no form works.
+    """
+    given = (view if isinstance(view, View) else View(view)).over(spec.view or View())
+    if issubclass(spec.kind, BatchPolicy):
+        given = given.over(View("swarm"))
+        if given.form == "drone" or given.observation != "dict" or given.action_mask:
+            raise ValueError(
+                "view must be 'swarm' or 'parallel', with observation='dict' and without masks, "
+                f"for {spec.name}, got {given!r}"
+            )
+        return given
+    if given.form is None:
+        policy = prepared(spec, search)
+        given = given.over(getattr(policy, "view", View()))
+    if given.form is not None:
+        return given
+    problems: dict[str, Exception] = {}
+    for form in FORMS if given.observation == "dict" else FORMS[:2]:
+        shown, tried = replace(given, form=form), copied(policy)
+        try:
+            steering(tried, search.with_posterior(given.bayesian_update), 0, shown)()
+        except Exception as error:  # whatever a policy raises for observations it does not expect
+            problems[form] = error
+        else:
+            return shown
+    if len(set(map(repr, problems.values()))) == 1:  # not about the form, but the policy's own
+        raise problems[form]
+    every = "; ".join(f"with {form!r}, {error!r:.200}" for form, error in problems.items())
+    raise ValueError(
+        f"view must be given for {spec.name}: it returns no valid actions for observations in the "
+        f"layout {given.observation!r}; {every}"
+    )
+
+
+def steering(
+    policy: PolicyLike, search: NamedSearch, seed: int, view: View
+) -> Callable[[], dict[str, int]]:
+    """Steer an episode of a `DroneSwarmSearch` with this seed: each call returns actions, in turn.
+
+    A batch of one row plays the same episode, to show the policy its view.
+    """
+    batch = SearchBatch(1, **search.parameters)
+    batch.reset([seed])
+    stage, names = Stage(batch, view), [f"drone{i}" for i in range(search.scenario.n_drones)]
+    reset_policy(policy, seed if view.form == "parallel" else [seed])
+
+    def act() -> dict[str, int]:
+        actions = stage.actions(policy, np.arange(1))
+        batch.step(actions)
+        return dict(zip(names, actions[0].tolist(), strict=True))
+
+    return act
+
+
+def prepared(spec: PolicySpec, search: NamedSearch) -> PolicyLike:
+    """A policy for a search, which may look at it before the first episode."""
+    policy = spec.make(search.scenario)
+    prepare = getattr(policy, "prepare", None)
+    if prepare is not None:
+        prepare(search.drones)
+    return policy
+
+
+def copied(policy: PolicyLike) -> PolicyLike:
+    """A copy; the policy itself if it cannot be copied."""
+    try:
+        return copy.deepcopy(policy)
+    except TypeError:  # it holds a lock or a file, for example
+        return policy
+
+
+def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:
+    """Call the policy's `reset`, if it has one."""
+    reset = getattr(policy, "reset", None)
+    if reset is not None:
+        reset(seed=seed)
+
+
+class Stage:
+    """Shows the searches of a batch to a policy with a view, and reads its actions."""
+
+    def __init__(self, batch: SearchBatch, view: View) -> None:
+        self._batch, self._view = batch, view
+        scenario, joint = batch.scenario_of(0), view.form != "drone"
+        self._names = tuple(f"drone{i}" for i in range(scenario.n_drones))
+        self._neighbours, _ = grid_of(scenario.grid_size)
+        self._observations = BatchObservations(
+            batch, view.observation, joint, TOP_CELLS, True, view.masks
+        )
+
+    def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
+        """The policy's validated actions in some rows: int64, (n, n_drones)."""
+        shown: Any = self._observations.of_rows(rows)
+        if self._view.form == "parallel":
+            shown = self._by_drone(shown)
+        elif self._view.form == "swarm" and self._view.observation == "dict":
+            entries = shown["observation"] if self._view.action_mask else shown
+            entries["row"] = rows.copy()
+        returned = policy(shown)
+        try:
+            return self._read(returned, len(rows))
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"the policy's {error}") from None
+
+    def _by_drone(self, shown: Any) -> dict[str, Any]:
+        """The observations of one search in the form of `DroneSwarmSearch`."""
+        entries = shown["observation"] if self._view.action_mask else shown
+        matrix = entries["probability_matrix"][0]
+        matrix.flags.writeable = False
+        seen: dict[str, Any] = {}
+        for drone, cell in enumerate(entries["positions"][0].tolist()):
+            own: dict[str, Any] = {"observation": (tuple(cell), matrix)}
+            if self._view.action_mask:
+                own = {"observation": own, "action_mask": shown["action_mask"][0, drone]}
+            seen[self._names[drone]] = own
+        return seen
+
+    def _read(self, actions: Any, n: int) -> Ints:
+        drones = len(self._names)
+        if self._view.form == "parallel":
+            cells = self._batch.cells[0].tolist()
+            chosen, _ = read_actions(actions, self._names, self._neighbours, cells)
+            return np.array([[*chosen]])
+        if isinstance(actions, Mapping):
+            raise TypeError(
+                f"actions must be an array of integers with view={self._view.form!r}, got "
+                f"{actions!r:.200}"
+            )
+        shape = (n, drones) if self._view.form == "swarm" else (n * drones,)
+        return checked_actions(actions, shape, np.int64).reshape(n, drones)

@@ -1,0 +1,147 @@
+"""What a policy sees, stated or found out, wherever one plays: evaluate, record, export, play."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch import Action, Scenario, cli
+from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.evaluation import SUITE, NamedSearch, View, evaluate, export, record, search
+from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
+from DroneSwarmSearch.evaluation.recording import play
+from DroneSwarmSearch.evaluation.stage import prepared, view_of
+
+
+def small(n_drones: int = 2) -> NamedSearch:
+    scenario = Scenario(6, n_drones, person_initial_position=(3, 3), timestep_limit=12)
+    return NamedSearch("small", "For tests.", scenario)
+
+
+def swarm(shown: Any) -> Any:
+    return np.full(shown["positions"].shape[:2], int(Action.SEARCH))
+
+
+def drone(shown: Any) -> Any:
+    return np.full(len(shown["position"]), int(Action.SEARCH))
+
+
+def parallel(shown: Any) -> dict[str, int]:
+    return {each: int(Action.SEARCH) for each in shown if shown[each]["observation"]}
+
+
+def anything(shown: Any) -> Any:
+    """Valid for the rows of any layout, whatever it shows."""
+    return np.full(len(shown), int(Action.SEARCH))
+
+
+@pytest.mark.parametrize("n_drones", [1, 2])
+@pytest.mark.parametrize("policy", [swarm, drone, parallel])
+def test_the_form_is_found_out(policy, n_drones):
+    got = evaluate(policy, small(n_drones), episodes=20, progress=False)
+    assert got.view == View(policy.__name__)
+    told = evaluate(policy, small(n_drones), view=policy.__name__, episodes=20, progress=False)
+    assert np.array_equal(got.episodes.found_at, told.episodes.found_at)
+
+
+@pytest.mark.parametrize(
+    ("layout", "policy", "form"),
+    [
+        ("planes", lambda shown: np.zeros(len(shown), int), "drone"),
+        ("planes", lambda shown: np.zeros((len(shown), shown.shape[1] - 2), int), "swarm"),
+        ("crops", anything, "drone"),
+    ],
+)
+def test_the_form_is_found_out_in_each_layout(layout, policy, form):
+    got = view_of(PolicySpec.of(policy), small(3), View(observation=layout))
+    assert got == View(form, layout)
+
+
+def test_a_policy_without_any_form_is_refused_in_one_sentence():
+    words = "view must be given for 4: it returns no valid actions .* 'dict'; with 'swarm', .*"
+    with pytest.raises(ValueError, match=words + "with 'drone', .*; with 'parallel', "):
+        evaluate(lambda shown: 4, small(), name="4", episodes=2, progress=False)
+
+
+class Stating:
+    """A policy that states what it sees; checks it, and searches."""
+
+    view = View("drone", "crops", action_mask=True, right_of_way=True, bayesian_update=True)
+
+    def __init__(self, scenario: Scenario, note: str = "") -> None:
+        assert scenario.grid_size
+        self.note = note
+
+    def __call__(self, shown: Any) -> Any:
+        assert shown["observation"].shape[1] == 202
+        assert shown["action_mask"].shape[1] == 6
+        return np.full(len(shown["observation"]), int(Action.SEARCH))
+
+
+def test_a_policy_states_its_view():
+    assert evaluate(Stating, small(), episodes=2, progress=False).view == Stating.view
+    changed = view_of(PolicySpec.of(Stating), small(), View(bayesian_update=False))
+    assert changed == View("drone", "crops", True, True, bayesian_update=False)
+
+
+def test_a_class_gets_the_argument_behind_it():
+    made = PolicySpec.of(f"mine={__file__}:Stating:runs/a.pt").make(small().scenario)
+    assert made.note == "runs/a.pt"
+    assert PolicySpec.of(f"{__file__}:Stating").make(small().scenario).note == ""
+
+
+def test_what_follows_from_a_file_changes_with_it(tmp_path):
+    weights = tmp_path / "a.pt"
+    hashes = set()
+    for content in ("one", "two"):
+        weights.write_text(content)
+        hashes.add(PolicySpec.of(f"{__file__}:Stating:{weights}").source["sha256"])
+    assert len(hashes) == 2
+
+
+@pytest.mark.parametrize("policy", [swarm, drone, parallel, Stating])
+def test_one_episode_is_that_of_the_evaluation(policy):
+    where, spec = small(), PolicySpec.of(policy)
+    shown = view_of(spec, where, None)
+    where = where.with_posterior(shown.bayesian_update)
+    *_, (last, _) = play(prepared(spec, where), where, 3, shown)
+    episodes = evaluate(policy, where, seed=3, episodes=1, progress=False).episodes
+    assert (last.step, last.total_return) == (episodes.steps[0], episodes.returns[0])
+
+
+def test_videos_and_files_take_what_evaluate_takes(tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    assert record(Stating, small(), tmp_path / "a.gif", fps=50).last.ending
+    data = export([Stating, parallel], small(), tmp_path / "a.json")
+    assert [each["policy"] for each in data["episodes"]] == ["Stating", "parallel"]
+    file, out = f"{__file__}:anything", str(tmp_path / "b.json")
+    assert (
+        cli.main(["export", "pond", "--policies", file, "--observation", "flat", "--out", out]) == 0
+    )
+
+
+def test_play_takes_what_evaluate_takes(capsys):
+    for arguments in (["drone"], ["Stating"], ["anything", "--observation", "planes"]):
+        mine = f"mine={__file__}:{arguments[0]}"
+        assert cli.main(["play", "pond", "--text", "--policy", mine, *arguments[1:]]) == 0
+        assert "policy          mine" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("each", ["man-overboard", "two-positions", "coast"])
+def test_a_search_is_saved_and_read(tmp_path, monkeypatch, each):
+    monkeypatch.chdir(tmp_path)
+    SUITE[each].save("here.json")
+    assert search("here.json").fingerprint == SUITE[each].fingerprint
+    assert search("here.json").reason == SUITE[each].reason
+
+
+def test_a_saved_search_keeps_its_scale(tmp_path):
+    path = Path(tmp_path, "a", "b.json")
+    where = NamedSearch("a", "b", Scenario(), ((2, 2),), Scale(50.0, 5.0))
+    where.save(path)
+    assert search(str(path)).scale == where.scale
+    assert json.loads(path.read_text("utf-8"))["drones_positions"] == [[2, 2]]
