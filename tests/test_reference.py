@@ -22,7 +22,6 @@ from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardSche
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = sorted((DOCS / "api").glob("*.rst"))
 ENVIRONMENT = (DOCS / "environment.md").read_text("utf-8")
-README = (DOCS.parent / "README.md").read_text("utf-8")
 
 ADAPTERS = {
     "DroneSwarmSearch.adapters.sb3": "stable_baselines3",
@@ -165,22 +164,17 @@ def test_the_index_lists_every_page() -> None:
     assert set(re.findall(r"^   ([\w-]+)$", index.partition("toctree")[2], re.M)) == pages
 
 
-# The tables of the environment page and of the README.
+# The tables of the environment page.
 
 
-def rows(heading: str, page: str = ENVIRONMENT) -> list[list[str]]:
+def rows(heading: str) -> list[list[str]]:
     """The rows of the first table under a heading, without its header."""
-    section = re.split(r"\n#+ ", page.partition(f"## {heading}\n")[2], maxsplit=1)[0]
+    section = re.split(r"\n#+ ", ENVIRONMENT.partition(f"## {heading}\n")[2], maxsplit=1)[0]
     return tables_of(section)[0][1:]
 
 
-@pytest.mark.parametrize(
-    "table",
-    [rows("Arguments"), rows("Parameters", README)],
-    ids=["environment.md", "README.md"],
-)
-def test_arguments_match_the_signature(table: list[list[str]]) -> None:
-    documented = [(row[0].strip("`"), row[1].strip("`")) for row in table]
+def test_arguments_match_the_signature() -> None:
+    documented = [(row[0].strip("`"), row[1].strip("`")) for row in rows("Arguments")]
     parameters = list(inspect.signature(DroneSwarmSearch).parameters.values())
     assert [name for name, _ in documented] == [parameter.name for parameter in parameters]
     for (_, default), parameter in zip(documented, parameters, strict=True):
@@ -242,18 +236,6 @@ def test_the_reward_table_has_the_values_of_the_default_scheme() -> None:
         ),
         "anything else": (f"{scheme.step:g}", "`step`"),
     }
-
-
-def test_the_readme_has_the_same_rewards() -> None:
-    """It has one line for both kinds of unsuccessful searches."""
-    full = [reward for _, reward, _ in rows("Rewards")]
-    short = [reward for _, reward in rows("Rewards", README)]
-    assert short == [
-        *full[:3],
-        "-(sum of its rewards so far) - 100000",
-        f"{full[4]} if 100 p > 1, else {full[5]}",
-        full[6],
-    ]
 
 
 def test_the_environment_page_has_the_metadata() -> None:
