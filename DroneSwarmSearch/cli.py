@@ -212,12 +212,14 @@ def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
         add("--policies", metavar="NAME", nargs="+", help=f"of {', '.join(POLICIES)}; default: all")
         own = f"{OWN_POLICY}; may be repeated"
         add("--add", metavar="POLICY", action="append", default=[], help=own)
+        rows = "a .csv file of policies with the success that they claim, which must come out"
+        add("--submissions", metavar="FILE", type=Path, help=rows)
         add("--no-bound", dest="bound", action="store_false", help="without bounds: much faster")
     else:
         if name == "evaluate":
             parser.usage = "%(prog)s POLICY SEARCH [SEARCH ...] [options]"
             own = f"a policy of this package, or {OWN_POLICY}"
-            parser.set_defaults(policies=[])
+            parser.set_defaults(policies=[], submissions=None)
             add("policy", metavar="POLICY", nargs="?", help=own)
             add("--list", action="store_true", help="list the policies and the searches")
             add("--csv", action="store_true", help="print the estimates as CSV")

@@ -133,6 +133,7 @@ def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leader
         options.policies,
         _searches(options),
         added=added,
+        submissions=options.submissions,
         view=view_from(options),
         deterministic=options.deterministic,
         episodes=options.episodes,
