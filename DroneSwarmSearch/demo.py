@@ -128,7 +128,8 @@ class _Episode:
         self, search: NamedSearch, options: argparse.Namespace, seed: int, rival: str = ""
     ) -> None:
         spec = PolicySpec.of(rival or options.policy)
-        self._label = f"you and {spec.name}" if options.manual and not rival else spec.name
+        self._flown = 0 if options.manual and not rival else None
+        self._label = spec.name if self._flown is None else f"you and {spec.name}"
         self._policy = prepared(spec, search)
         self._act = steering(self._policy, search, seed, view_of(spec, search, view_from(options)))
         self._hide_person = options.hide_person
@@ -164,7 +165,8 @@ class _Episode:
     def _current_frame(self) -> Frame:
         frame = self._env.frame()
         hides = self._hide_person and frame.ending is None
-        return replace(frame, policy=self._label, hide_persons=hides, scale=self.search.scale)
+        frame = replace(frame, policy=self._label, hide_persons=hides, flown=self._flown)
+        return replace(frame, scale=self.search.scale)
 
 
 def _print_summary(

@@ -199,6 +199,19 @@ class TestText:
         assert len(rows[0]) <= len(plain_rows[0])
 
 
+class TestFlown:
+    def test_the_drone_flown_by_hand_is_marked_on_the_map_and_in_the_legend(self):
+        frame = make_frame(8, drones=((1, 1), (6, 6)), persons=())
+        painter = Painter(8)
+        before, after = (
+            painter.pixels(each).astype(np.int64) for each in (frame, replace(frame, flown=1))
+        )
+        y, x = np.nonzero(differs(before, after))
+        on_map = x < LEFT + 720
+        assert (y[on_map] > HEAD + TOP + 360).all() and on_map.any()
+        assert (~on_map).any()
+
+
 class TestCells:
     @pytest.mark.parametrize("grid_size", SIZES)
     @pytest.mark.parametrize("gradient", [True, False])
