@@ -76,6 +76,10 @@ build:
     python -m build
     python -m twine check --strict dist/*
 
+# build and check, and list what is left to do before this version can be published
+publish-check: build
+    python .github/publish_check.py
+
 # build wheel and sdist, and test the wheel (Linux and macOS)
 wheel *dependencies:
     .ci/wheel {{ dependencies }}

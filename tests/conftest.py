@@ -7,11 +7,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 # Tests run in parallel processes, whose BLAS threads would only compete. NumPy reads this once.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from DroneSwarmSearch.policies import planner
+
+settings.register_profile("busy machines", deadline=None)
+settings.load_profile("busy machines")
 
 UNPACKED_SDIST = (Path(__file__).parents[1] / "PKG-INFO").exists()
 

@@ -16,7 +16,7 @@ from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
 
 
-@settings(deadline=None, max_examples=35, derandomize=True)
+@settings(max_examples=35, derandomize=True)
 @given(parameters(), st.integers(0, 2**32))
 def test_the_mean_belief_of_several_persons_equals_the_environments_matrix(
     search: dict[str, Any], seed: int

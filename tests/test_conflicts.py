@@ -29,7 +29,7 @@ def test_every_case_of_up_to_four_drones_in_a_row_of_four_cells() -> None:
                 check(list(cells), list(wanted), resolve_conflicts(cells, wanted))
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 @given(st.data())
 def test_no_drones_collide_and_none_waits_unnecessarily(data: st.DataObject) -> None:
     size = data.draw(st.integers(2, 4))

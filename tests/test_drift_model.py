@@ -30,7 +30,7 @@ def random_grid(forecast: ProbabilityMatrix, seed: int, *axes: int) -> np.ndarra
     return np.random.default_rng(seed).random(shape)
 
 
-@settings(deadline=None, max_examples=50, derandomize=True)
+@settings(max_examples=50, derandomize=True)
 @given(forecasts(), st.integers(0, 12), st.integers(1, 6), st.integers(0, 99))
 def test_forward_is_the_drift_of_a_belief(
     forecast: ProbabilityMatrix, first: int, steps: int, seed: int
@@ -46,7 +46,7 @@ def test_forward_is_the_drift_of_a_belief(
         )
 
 
-@settings(deadline=None, max_examples=50, derandomize=True)
+@settings(max_examples=50, derandomize=True)
 @given(forecasts(), st.integers(0, 12), st.integers(0, 99))
 def test_backward_is_the_adjoint_of_forward(
     forecast: ProbabilityMatrix, step: int, seed: int

@@ -129,7 +129,7 @@ def share_beyond(person: Person, grid_size: int, step: int) -> float:
     return float(np.average(shares, weights=person.weights))
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(INCIDENTS)
 def test_no_incident_needs_a_grid_size_and_all_drones_return(values: dict[str, Any]) -> None:
     plan = Incident(**values).plan(QUICK)

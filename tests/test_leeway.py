@@ -119,7 +119,7 @@ def test_the_data_file_and_the_classes_name_their_source():
         assert kind.right.slope >= 0 > kind.left.slope
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.floats(-3, 5), st.floats(-10, 10), st.floats(0, 15), st.floats(0, 30))
 def test_the_truncated_normal_distribution(slope, offset, sd, wind):
     """Mean and standard deviation against numerical integration over e."""

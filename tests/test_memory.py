@@ -70,7 +70,7 @@ def cases(draw: st.DrawFn) -> Case:
     return Trajectories(np.array(cells), probabilities), detection, draw(st.integers(0, 5)), rng
 
 
-@settings(deadline=None, max_examples=15, derandomize=True)
+@settings(max_examples=15, derandomize=True)
 @given(cases())
 def test_no_path_gains_more_than_the_best_one(case: Case) -> None:
     trajectories, detection, memory, rng = case
@@ -91,7 +91,7 @@ def test_no_path_gains_more_than_the_best_one(case: Case) -> None:
     assert (weights * drones.collected(paths)).sum() == pytest.approx(most, rel=1e-5)
 
 
-@settings(deadline=None, max_examples=25, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(cases())
 def test_paths_collect_credits_and_searches(case: Case) -> None:
     trajectories, detection, memory, rng = case
@@ -109,7 +109,7 @@ def test_paths_collect_credits_and_searches(case: Case) -> None:
     np.testing.assert_allclose(until, np.sum(by_hand, axis=0), atol=1e-12)
 
 
-@settings(deadline=None, max_examples=25, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(cases())
 def test_credits_are_at_least_the_probability_of_finding(case: Case) -> None:
     """More memory means less credit; with all of it, credits are the probability itself."""

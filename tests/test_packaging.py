@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 import tarfile
@@ -20,6 +21,7 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 PACKAGES = ("DroneSwarmSearch", "DroneSwarmSearchEnvironment")
 NAME = f"droneswarmsearchenvironment-{DroneSwarmSearch.__version__}"
 MEGABYTE = 10**6
+BUILDERS = ("build", "editables", "hatch_fancy_pypi_readme", "hatchling", "pip")
 PICTURES = (".gif", ".png", ".svg")
 """Not in the sdist, to keep it small."""
 
@@ -28,8 +30,8 @@ pytestmark = [
         not (CHECKOUT / "DroneSwarmSearch").exists(), reason="there is no source tree to build"
     ),
     pytest.mark.skipif(
-        any(importlib.util.find_spec(name) is None for name in ("build", "hatchling", "pip")),
-        reason="build, hatchling and pip are needed",
+        not all(map(importlib.util.find_spec, BUILDERS)),
+        reason=f"{', '.join(BUILDERS)} are needed",
     ),
 ]
 
@@ -82,7 +84,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def dependencies() -> set[str]:
     """Return the folders of the dependencies in the running environment."""
-    specs = map(importlib.util.find_spec, ("gymnasium", "hatchling", "editables", "pettingzoo"))
+    specs = map(importlib.util.find_spec, ("gymnasium", "pettingzoo", *BUILDERS))
     return {str(Path(spec.origin).parent.parent) for spec in specs if spec and spec.origin}
 
 
@@ -130,6 +132,29 @@ def test_the_sdist_contains_the_sources_and_the_tests(built):
         for path in tracked("docs", "examples", "tests")
         if Path(path).suffix not in PICTURES and not path.startswith("docs/static/episodes/")
     }
+
+
+def test_the_description_is_the_readme_with_links_to_the_tag(built):
+    with zipfile.ZipFile(built / f"{NAME}-py3-none-any.whl") as wheel:
+        metadata = wheel.read(f"{NAME}.dist-info/METADATA").decode()
+    headers, description = metadata.split("\n\n", 1)
+    address = dict(re.findall("^Project-URL: (.+), (.+)$", headers, re.M))
+    tag = f"v{DroneSwarmSearch.__version__}"
+
+    def absolute(match: re.Match[str]) -> str:
+        before, link = match.groups()
+        if link.startswith("../../"):
+            return f"{before}{address['Repository']}/{link[6:]}"
+        if link == "docs/play.md":
+            return f"{before}{address['Documentation']}/play.html"
+        kind = "raw" if link.endswith(PICTURES) else "blob"
+        return f"{before}{address['Repository']}/{kind}/{tag}/{link}"
+
+    relative = r'(\]\(|\b(?:src|srcset|href)=")(?!https:|#)([^)"]+)'
+    readme = (CHECKOUT / "README.md").read_text("utf-8")
+    parts = re.split("(^```.*?^```$)", readme, flags=re.M | re.S)  # every second one is code
+    parts[::2] = [re.sub(relative, absolute, part) for part in parts[::2]]
+    assert description == "".join(parts)
 
 
 @pytest.mark.parametrize(

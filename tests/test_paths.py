@@ -50,7 +50,7 @@ def boards(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, list[list[int]]]:
     return gains, at_end, blocked
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 @given(boards())
 def test_the_best_path_is_the_first_of_all_best_paths(
     board: tuple[np.ndarray, np.ndarray, list[list[int]]],

@@ -68,7 +68,7 @@ def test_sectors_are_equilateral_triangles_with_the_datum_in_common() -> None:
 
 
 class TestParallelLegs:
-    @settings(deadline=None, max_examples=40, derandomize=True)
+    @settings(max_examples=40, derandomize=True)
     @given(rectangles, st.booleans(), st.data())
     def test_visit_every_cell_once(
         self, area: Rectangle, along_x: bool, data: st.DataObject
@@ -86,7 +86,7 @@ class TestParallelLegs:
         for (_, end), (start, _) in pairwise(legs):
             assert math.dist(end, start) == 1
 
-    @settings(deadline=None, max_examples=40, derandomize=True)
+    @settings(max_examples=40, derandomize=True)
     @given(rectangles, st.integers(1, 12), st.booleans())
     def test_strips_divide_all_cells_as_evenly_as_whole_legs_allow(
         self, area: Rectangle, count: int, along_x: bool
@@ -101,7 +101,7 @@ class TestParallelLegs:
             assert all((p.width if along_x else p.height) == length for p in parts)
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(max_examples=40, derandomize=True)
 @given(rectangles, st.integers(1, 12))
 def test_parts_divide_all_cells(area: Rectangle, count: int) -> None:
     parts = parts_of(area, count)
@@ -112,7 +112,7 @@ def test_parts_divide_all_cells(area: Rectangle, count: int) -> None:
 class TestCells:
     points = st.tuples(st.floats(-5, 14), st.floats(-5, 14))
 
-    @settings(deadline=None, max_examples=50, derandomize=True)
+    @settings(max_examples=50, derandomize=True)
     @given(
         st.tuples(st.integers(0, 9), st.integers(0, 9)),
         st.tuples(st.integers(0, 9), st.integers(0, 9)),
@@ -127,7 +127,7 @@ class TestCells:
             off = abs((x - start[0]) * down - (y - start[1]) * across)
             assert off <= 0.75 * (math.hypot(across, down) or 1)
 
-    @settings(deadline=None, max_examples=50, derandomize=True)
+    @settings(max_examples=50, derandomize=True)
     @given(st.lists(points, min_size=1, max_size=6))
     def test_cells_outside_the_grid_and_immediate_repetitions_are_omitted(
         self, points: list[Point]
@@ -160,7 +160,7 @@ class TestDatum:
         without_the_middle = ProbabilityMatrix(40, Person(drifts[:-1]))
         assert len(datums_of(without_the_middle, 12)) == 2
 
-    @settings(deadline=None, max_examples=50, derandomize=True)
+    @settings(max_examples=50, derandomize=True)
     @given(
         st.tuples(st.floats(0, 11), st.floats(0, 11)),
         st.tuples(st.floats(0, 8), st.floats(0, 8)),
@@ -265,7 +265,7 @@ def test_drones_move_to_the_commence_search_point_then_search_every_cell(
     assert last == route[-1], "a move and a search per cell"
 
 
-@settings(deadline=None, max_examples=6, derandomize=True)
+@settings(max_examples=6, derandomize=True)
 @given(st.data(), st.sampled_from(PATTERNS))
 def test_drones_never_block_each_other_permanently(
     data: st.DataObject, kind: type[PatternPolicy]

@@ -55,7 +55,7 @@ def plans(draw: st.DrawFn, most_steps: int = 4) -> tuple[NamedSearch, list[Path]
     return of, random_paths(of, steps, draw(st.integers(0, 2**32))), worth
 
 
-@settings(deadline=None, max_examples=20, derandomize=True)
+@settings(max_examples=20, derandomize=True)
 @given(plans(), st.sampled_from([1.0, 0.5, 3.0]))
 def test_value_and_success_are_the_sums_over_all_trajectories(
     plan_of: tuple[NamedSearch, list[Path], np.ndarray], weight: float
@@ -73,7 +73,7 @@ def test_value_and_success_are_the_sums_over_all_trajectories(
     assert plan.value() == pytest.approx(value, abs=1e-12)
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 @given(plans(most_steps=9), st.data())
 def test_the_gain_of_any_other_segment_is_exact(
     plan_of: tuple[NamedSearch, list[Path], np.ndarray], data: st.DataObject
@@ -101,7 +101,7 @@ def test_a_path_meets_the_person_as_early_as_possible() -> None:
     assert plan.paths[0].searches.tolist() == [False, False, False, True, False]
 
 
-@settings(deadline=None, max_examples=20, derandomize=True)
+@settings(max_examples=20, derandomize=True)
 @given(plans(most_steps=9), st.integers(0, 2**32))
 def test_exploring_never_lowers_the_value_and_keeps_paths_legal(
     plan_of: tuple[NamedSearch, list[Path], np.ndarray], seed: int

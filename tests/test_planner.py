@@ -86,7 +86,7 @@ def test_is_close_to_the_optimum(index: int) -> None:
     assert 0.97 * most <= planner_success(SMALL[index]) <= most + 1e-12
 
 
-@settings(deadline=None, max_examples=4, derandomize=True)
+@settings(max_examples=4, derandomize=True)
 @given(small_searches())
 def test_is_never_below_greedy_with_one_person(of: NamedSearch) -> None:
     """Holds for plans made with little work, too."""

@@ -151,7 +151,7 @@ def test_copies_continue_identically_and_independently(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_no_drone_ever_collides_or_leaves_the_grid(name: str) -> None:
-    @settings(deadline=None, max_examples=2 if name == "planner" else 5, derandomize=True)
+    @settings(max_examples=2 if name == "planner" else 5, derandomize=True)
     @given(parameters(most_cells=12, most_drones=8), st.data())
     def whole_episodes(search: dict[str, Any], data: st.DataObject) -> None:
         size, drones = search["grid_size"], search["n_drones"]
@@ -191,7 +191,7 @@ def identical(rows: int) -> dict[str, np.ndarray]:
     }
 
 
-@settings(deadline=None, max_examples=30, derandomize=True)
+@settings(max_examples=30, derandomize=True)
 @given(st.data())
 def test_rows_have_separate_memories(data: st.DataObject) -> None:
     policy = Historian(scenario())

@@ -62,7 +62,7 @@ def test_a_polygon_by_hand():
     np.testing.assert_allclose(notched * 6.75, [[1, 1, 0.5], [1, 0.75, 0], [1, 1, 0.5]], atol=1e-15)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @example(((0.0, 1.0), (0.0, 2.3e-308), (3.0, 0.0)))
 @given(st.tuples(inside, inside, inside))
 def test_triangles_have_their_share_of_each_cell(corners):
@@ -101,7 +101,7 @@ def test_a_line_by_hand():
     np.testing.assert_allclose(prior, expected / 7, atol=1e-15)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(inside, inside)
 def test_lines_have_their_length_in_each_cell(start, end):
     length = math.dist(start, end)

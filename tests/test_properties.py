@@ -349,7 +349,7 @@ RARE = [
 def test_episodes_follow_the_rules_and_include_every_event():
     events = {event for episode in RARE for event in check_episode(episode)}
 
-    @settings(deadline=None, max_examples=200, derandomize=True)
+    @settings(max_examples=200, derandomize=True)
     @given(episodes())
     def check(episode: Episode) -> None:
         events.update(check_episode(episode))

@@ -1,13 +1,13 @@
-"""The version, the environment's id, and the release workflow."""
+"""The version, the environment's id, the repository's address, and the release."""
 
 from __future__ import annotations
 
 import re
+import subprocess
 from pathlib import Path
 from types import ModuleType
 
 import pytest
-from golden.regenerate import SCENARIOS, released
 from helpers import module_at
 
 import DroneSwarmSearch as package
@@ -36,19 +36,6 @@ def test_the_version_is_the_same_everywhere():
     assert all(re.fullmatch(r"\d+\.\d+\.\d+ \(\d{4}-\d\d-\d\d\)", title) for title in titles[1:])
 
 
-def test_a_released_version_has_a_date_and_released_episodes():
-    title = re.findall(r"^## (.+)$", text_of("CHANGELOG.md"), re.M)[0]
-    dates = re.findall(r"^date-released: *(.+)$", text_of("CITATION.cff"), re.M)
-    if title == f"{VERSION} (unreleased)":
-        assert not dates
-        return
-    assert set(released()) == set(SCENARIOS), "python tests/golden/regenerate.py --release"
-    assert not re.search("^.*https://.*OWNER", text_of("pyproject.toml"), re.M)
-    (date,) = re.findall(r'^"(\d{4}-\d\d-\d\d)"$', "\n".join(dates), re.M)
-    assert title == f"{VERSION} ({date})"
-    assert f"year    = {{{date[:4]}}}" in text_of("README.md")
-
-
 # The id.
 
 
@@ -59,75 +46,72 @@ def test_the_id_is_the_same_everywhere():
     assert [path.stem for path in folder.glob("drone_swarm_search_v*.py")] == [ID]
 
 
-# The release workflow.
+# The repository's address.
+
+
+def test_the_address_is_in_one_file():
+    pattern = r"(github\.com/[A-Za-z0-9-]+|[A-Za-z0-9-]+\.github\.io)/DroneSwarmSearch"
+    if not (ROOT / ".git").exists():
+        pytest.skip("this is no Git checkout")
+    search = ("git", "grep", "--untracked", "-I", "-l", "-E", pattern)
+    done = subprocess.run(search, cwd=ROOT, capture_output=True, text=True, check=True)
+    # The notebook, which is made from it, installs the package in Colab.
+    assert done.stdout.split() == ["docs/tutorial.ipynb", "pyproject.toml"]
+
+
+# What is left to do before a release.
 
 
 @pytest.fixture(scope="module")
-def prepare() -> ModuleType:
-    path = ROOT / ".github" / "prepare_release.py"
+def publish_check() -> ModuleType:
+    path = ROOT / ".github" / "publish_check.py"
     if not path.exists():
         pytest.skip("the workflows are not here")
     return module_at(path)
 
 
-README = """\
-# Title
-<img src="docs/a.gif" width="6"> <a href="docs/page.md">page</a> ![A (b)](docs/b.png)
-<source media="(a: b)" srcset="docs/c.svg">
-[page](docs/page.md#section) [here](#title) [there](https://example.org/x)
-```python
-d = {"a": [f](x)}
-```
-[![badge](c.svg)](LICENSE)
-"""
-
-AT = "https://git.example/me/it"
-ABSOLUTE = f"""\
-# Title
-<img src="{AT}/raw/v1.2.3/docs/a.gif" width="6"> \
-<a href="{AT}/blob/v1.2.3/docs/page.md">page</a> ![A (b)]({AT}/raw/v1.2.3/docs/b.png)
-<source media="(a: b)" srcset="{AT}/raw/v1.2.3/docs/c.svg">
-[page]({AT}/blob/v1.2.3/docs/page.md#section) [here](#title) [there](https://example.org/x)
-```python
-d = {{"a": [f](x)}}
-```
-[![badge]({AT}/raw/v1.2.3/c.svg)]({AT}/blob/v1.2.3/LICENSE)
-"""
-VARIABLES = {
-    "GITHUB_REF_NAME": "v1.2.3",
-    "GITHUB_REPOSITORY": "me/it",
-    "GITHUB_SERVER_URL": "https://git.example",
+FILES = {
+    "DroneSwarmSearch/__init__.py": '"""Text."""\n\n__version__ = "1.2.3"\n',
+    "DroneSwarmSearch/drone_swarm_search_v7.py": "",
+    "CHANGELOG.md": "# Changelog\n\n## 1.2.3 (2027-01-31)\n\n## 1.2.2 (2026-12-01)\n",
+    "CITATION.cff": 'version: 1.2.3\ndate-released: "2027-01-31"\n',
+    "README.md": "@software{it,\n  year    = {2027},\n}\n",
+    "docs/tutorial.ipynb": "git+https://github.com/me/it\n",
+    "pyproject.toml": '# OWNER stands for me.\nRepository = "https://github.com/me/it"\n',
+    "tests/golden/released.txt": "drone_swarm_search_v7 find 0a1b\n",
 }
 
 
-@pytest.fixture
-def checkout(tmp_path: Path) -> Path:
-    for name, text in {
-        "DroneSwarmSearch/__init__.py": '"""Text."""\n\n__version__ = "1.2.3"\n',
-        "CHANGELOG.md": "# Changelog\n\n## 1.2.3 (2027-01-31)\n\n- New.\n",
-        "README.md": README,
-    }.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+def test_only_what_is_open_is_listed_as_open(publish_check, tmp_path):
+    for name, text in FILES.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text, encoding="utf-8")
-    return tmp_path
+
+    def still_open() -> str:
+        done = publish_check.checks(tmp_path)
+        return " ".join(item.split(":")[0] for item in done if not done[item])
+
+    assert still_open() == "git"
+    me = ("-c", "user.name=me", "-c", "user.email=me@it.example")
+    for command in (["init"], [*me, "commit", "--allow-empty", "-m", "Start"], ["tag", "v1.2.3"]):
+        subprocess.run(["git", *command], cwd=tmp_path, capture_output=True, check=True)
+    assert still_open() == ""
+    for name, old, new, items in [
+        ("CHANGELOG.md", "2027-01-31", "unreleased", "CHANGELOG.md CITATION.cff README.md"),
+        ("CITATION.cff", "date-released", "# date", "CITATION.cff"),
+        ("README.md", "2027", "2026", "README.md"),
+        ("docs/tutorial.ipynb", "me", "OWNER", "pyproject.toml"),
+        ("pyproject.toml", "/me", "/OWNER", "pyproject.toml"),
+        ("tests/golden/released.txt", "v7", "v6", "tests/golden/released.txt"),
+    ]:
+        (tmp_path / name).write_text(FILES[name].replace(old, new), encoding="utf-8")
+        assert still_open() == items
+        (tmp_path / name).write_text(FILES[name], encoding="utf-8")
 
 
-def test_relative_links_of_the_readme_become_absolute(prepare, checkout):
-    prepare.main(VARIABLES, checkout)
-    assert (checkout / "README.md").read_text("utf-8") == ABSOLUTE
-    prepare.main(VARIABLES, checkout)
-    assert (checkout / "README.md").read_text("utf-8") == ABSOLUTE
-
-
-@pytest.mark.parametrize(
-    ("tag", "changelog", "why"),
-    [
-        ("v1.2.4", "## 1.2.3 (2027-01-31)\n", "the tag v1.2.4 does not match version 1.2.3"),
-        ("v1.2.3", "## 1.2.3 (unreleased)\n", "no section '## 1.2.3 (YYYY-MM-DD)'"),
-    ],
-)
-def test_an_unprepared_version_is_not_released(prepare, checkout, tag, changelog, why):
-    (checkout / "CHANGELOG.md").write_text(changelog, encoding="utf-8")
-    with pytest.raises(SystemExit, match=re.escape(why)):
-        prepare.main({**VARIABLES, "GITHUB_REF_NAME": tag}, checkout)
-    assert (checkout / "README.md").read_text("utf-8") == README
+def test_a_dated_version_only_needs_its_tag(publish_check):
+    done = publish_check.checks()
+    if re.search(r"^## .+ \(unreleased\)$", text_of("CHANGELOG.md"), re.M):
+        assert "date-released" not in text_of("CITATION.cff")
+    else:
+        assert [item for item in done if not done[item] and not item.startswith("git:")] == []

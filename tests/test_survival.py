@@ -386,7 +386,7 @@ def test_the_table_shows_it_for_searches_with_survival(capsys, tmp_path):
     assert "alive" not in capsys.readouterr().out
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, derandomize=True)
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=8))
 def test_finding_alive_is_no_likelier_than_finding(values):
     of = one_of(WEIGHTS, sorted(values, reverse=True), timestep_limit=6)

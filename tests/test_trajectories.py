@@ -19,7 +19,7 @@ from DroneSwarmSearch.planning.trajectories import (
 
 
 class TestChernoff:
-    @settings(deadline=None, max_examples=60, derandomize=True)
+    @settings(max_examples=60, derandomize=True)
     @given(
         st.one_of(st.just(0.0), st.floats(1e-6, 1 - 1e-6)),
         st.integers(1, 10**6),

@@ -256,7 +256,7 @@ def test_other_environments_are_rejected(wrapper: type[Any]) -> None:
 
 
 @each_layout
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     case=st.sampled_from(CASES),
     seed=st.integers(0, 2**64),
