@@ -100,4 +100,4 @@ class Film:
         for meaning, image in symbols.items():
             at = canvas.blit(image, image.get_rect(midleft=(left, row.centery)))
             text = write(canvas, meaning, FONT, GREY, midleft=(at.right + PAD // 2, row.centery))
-            left = text.right + 2 * PAD
+            left = text.right + 3 * PAD // 2
