@@ -17,6 +17,7 @@ from DroneSwarmSearch.evaluation import commands
 from DroneSwarmSearch.evaluation.options import add_view
 from DroneSwarmSearch.incident import command as plan
 from DroneSwarmSearch.policies import POLICIES
+from DroneSwarmSearch.rendering.palette import PALETTES
 from DroneSwarmSearch.scenario import MISSIONS
 
 PROGRAM = "python -m DroneSwarmSearch"
@@ -27,9 +28,9 @@ COMMANDS = {
 watch a search in a window or in the terminal, or fly a drone; the default
 
 Drones search the sea for shipwrecked persons who drift: watch a policy, or fly
-one drone yourself. SEARCH names a search; without it, the drones start around
-the border, and the policy is "greedy-forecast": each drone flies to a near cell
-where the person is likely to be when it arrives.
+one drone yourself. Without SEARCH, drones look for a passenger who fell from a
+ferry ("man-overboard"). The policy is "greedy-forecast", unless you name one:
+each drone flies to a near cell where the person is likely to be by then.
 
 examples:
   droneswarmsearch play                         watch a search
@@ -101,11 +102,10 @@ examples:
   droneswarmsearch bound all --workers 2 --out bounds
 """,
     "record": """\
-record a video of a search: the prior and the posterior
+record a video of a search
 
-Record a video of the episode that `evaluate` plays with the same seed: the
-prior, which only follows the drift, on the left, and the posterior given the
-searches made on the right.
+Record a video of the episode that `evaluate` plays with the same seed. The map
+shows the posterior, which the unsuccessful searches have changed.
 
 examples:
   droneswarmsearch record classic --policy greedy-posterior --out classic.gif
@@ -194,6 +194,8 @@ def _add_files(parser: argparse.ArgumentParser, name: str) -> None:
         add("--policy", metavar="POLICY", default="planner", help=policies)
         add("--seed", metavar="N", type=int, default=0, help="of the episode (default: 0)")
         add("--fps", type=float, default=6.0, help="steps shown per second (default: 6)")
+        colours = "the map's colours (default: sea)"
+        add("--palette", choices=PALETTES, default="sea", help=colours)
     else:
         add("--policies", metavar="POLICY", nargs="+", default=["planner"], help=policies)
         add("--seeds", metavar="N", nargs="+", type=int, default=[0], help="(default: 0)")

@@ -7,24 +7,23 @@ import sys
 import textwrap
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.options import add_view, view_from
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
+from DroneSwarmSearch.evaluation.recording import record
 from DroneSwarmSearch.evaluation.stage import prepared, steering, view_of
 from DroneSwarmSearch.evaluation.suite import NamedSearch, search_on_grid
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import POLICIES
-from DroneSwarmSearch.rendering.palette import Look
+from DroneSwarmSearch.rendering.palette import PALETTES, Look
 from DroneSwarmSearch.rendering.player import Player, Recording, Score
 from DroneSwarmSearch.rendering.text import WIDTH, print_frames
-from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video
+from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
-from DroneSwarmSearch.scenario import Cell, Scenario
 
 USUAL_POLICY = "greedy-forecast"  # as good as any that start at once
 BESIDE_YOU = "greedy-matrix"  # it needs only observations, so it works while you fly drone 0
@@ -32,7 +31,7 @@ BESIDE_YOU = "greedy-matrix"  # it needs only observations, so it works while yo
 # Flights by hand are compared with these policies, all of which are quick.
 RIVALS = ("greedy-matrix", "greedy-posterior", "greedy-forecast", "parallel-sweep")
 
-GRID_SIZE = 24  # of the search without a name
+USUAL_SEARCH, USUAL_SEED = "man-overboard", 7  # found after a third of the time
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SEARCH",
         nargs="?",
         help="a search of the suite, such as classic or gale (`evaluate --list` describes them), "
-        "or a file of a search or an incident, .json",
+        f"or a file of a search or an incident, .json (default: {USUAL_SEARCH})",
     )
     view = parser.add_argument_group("view (a window if there is a display, otherwise text)")
     where = view.add_mutually_exclusive_group().add_argument
@@ -53,8 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = view.add_argument
     add("--hide-person", action="store_true", help="do not show missing persons")
     add("--fps", type=float, default=6.0, help="steps shown per second (default: 6)")
-    add("--no-grid", action="store_true", help="draw no lines between the cells")
-    add("--no-gradient", action="store_true", help="colour the cells in three steps")
+    add("--palette", choices=PALETTES, default="sea", help="the map's colours (default: sea)")
     prior = "show the drones, and you, the forecast of the drift instead of the posterior"
     add("--prior", action="store_true", help=prior)
 
@@ -62,10 +60,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_view(parser)
     add = parser.add_argument_group("episode").add_argument
     add("--policy", metavar="NAME", help=policies)
-    seed = "seed of the persons' drift (default: 0)"
-    add("--seed", metavar="N", type=int, default=0, help=seed)
-    drones = "number of drones, without SEARCH (default: 4)"
-    add("--drones", metavar="N", type=int, help=drones)
+    seed = f"of the persons' drift (default: 0; without SEARCH {USUAL_SEED})"
+    add("--seed", metavar="N", type=int, help=seed)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -73,47 +69,21 @@ def run(options: argparse.Namespace) -> None:
     if options.manual and options.policy is not None:
         raise ValueError(f"--manual: the other drones use {BESIDE_YOU}: leave out --policy")
     options.policy = options.policy or (BESIDE_YOU if options.manual else USUAL_POLICY)
+    if options.seed is None:
+        options.seed = USUAL_SEED if options.search is None else 0
     checks.real("--fps", options.fps, FPS_LEAST, FPS_MOST)
-    found = _search_of(options)
-    episode = _Episode(found, options, options.seed)
-    if options.search is not None:
-        print(textwrap.fill(f"{found.name}: {found.reason}", WIDTH) + "\n", flush=True)
+    found = search_on_grid(options.search or USUAL_SEARCH).with_posterior(not options.prior)
+    print(textwrap.fill(f"{found.name}: {found.reason}", WIDTH) + "\n", flush=True)
     if options.record is not None:
-        _record(options, episode)
+        how = {"view": view_from(options), "fps": options.fps, "palette": options.palette}
+        last = record(options.policy, found, options.record, seed=options.seed, **how).last
     elif options.text or not _play_in_window(options, found):
+        episode = _Episode(found, options, options.seed)
         print_frames(episode.frames(), options.fps)
+        last = episode.frame
     else:
         return
-    _print_summary(found, options, options.seed, episode.frame)
-
-
-def _search_of(options: argparse.Namespace) -> NamedSearch:
-    if options.search is not None:
-        if options.drones is not None:
-            raise ValueError("argument --drones: not allowed with a SEARCH")
-        return search_on_grid(options.search).with_posterior(not options.prior)
-    n_drones = 4 if options.drones is None else options.drones
-    checks.integer("--drones", n_drones, 1, 4 * (GRID_SIZE - 1))
-    scenario = Scenario(
-        GRID_SIZE,
-        n_drones,
-        vector=(0.16, 0.08),
-        person_initial_position=((6, 9),),
-        disperse_constant=2.0,
-        timestep_limit=80,
-        bayesian_update=not options.prior,
-    )
-    name = f"{GRID_SIZE} x {GRID_SIZE} cells"
-    return NamedSearch(name, "Described by options.", scenario, _around_the_border(n_drones))
-
-
-def _around_the_border(n_drones: int) -> tuple[Cell, ...]:
-    """Start cells spread evenly around the border, clockwise from (0, 0)."""
-    last = GRID_SIZE - 1
-    top = [(x, 0) for x in range(last)]
-    right = [(last, y) for y in range(last)]
-    border = [*top, *right, *((last - x, last - y) for x, y in top + right)]
-    return tuple(border[drone * len(border) // n_drones] for drone in range(n_drones))
+    _print_summary(found, options, options.seed, last)
 
 
 class _Episode:
@@ -198,26 +168,14 @@ def _print_summary(
     print("\n".join(lines), flush=True)
 
 
-def _look(options: argparse.Namespace) -> Look:
-    return Look(grid=not options.no_grid, gradient=not options.no_gradient)
-
-
-def _record(options: argparse.Namespace, episode: _Episode) -> None:
-    from DroneSwarmSearch.rendering.film import Film
-
-    path, limit = options.record, episode.frame.timestep_limit
-    print(f"recording to {path}, at most {limit} steps ...", file=sys.stderr)
-    title = "" if options.search is None else episode.search.reason
-    film_of = partial(Film, look=_look(options), title=title)
-    write_video(path, episode.frames(), film_of, fps=options.fps, hold=2.0)
-
-
 def _play_in_window(options: argparse.Namespace, search: NamedSearch) -> bool:
     """Play episodes in a window until the user closes it; returns whether one could be opened."""
     from DroneSwarmSearch.rendering.player_window import PlayerWindow
 
     sentence = search.reason if search.scale else ""
-    window = PlayerWindow(search.scenario.grid_size, _look(options), sentence)
+    window = PlayerWindow(
+        search.scenario.grid_size, Look(grid=True, palette=options.palette), sentence
+    )
     try:
         window.open()
     except RuntimeError as error:

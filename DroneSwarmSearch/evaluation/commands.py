@@ -102,8 +102,8 @@ def _bound(options: argparse.Namespace) -> None:
 
 def _record(options: argparse.Namespace) -> None:
     search = suite.search_on_grid(options.search)
-    how = {"seed": options.seed, "view": view_from(options), "fps": options.fps}
-    video = recording.record(options.policy, search, options.out, **how)
+    how = {"view": view_from(options), "fps": options.fps, "palette": options.palette}
+    video = recording.record(options.policy, search, options.out, seed=options.seed, **how)
     outcome = outcome_in_brief(video.last)
     print(f"{options.out}: {options.policy} searching {search.name}, {outcome}")
 

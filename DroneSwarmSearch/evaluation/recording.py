@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,11 +16,10 @@ from DroneSwarmSearch.evaluation.stage import PolicyLike, prepared, steering, vi
 from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.layouts.view import View
-from DroneSwarmSearch.rendering.palette import Look
+from DroneSwarmSearch.rendering.palette import PALETTES, Look
 from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video
 
 HOLD = 3.0  # seconds for which the last picture stays
-GIF_WIDTH = 1000  # pixels at most
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def record(
     view: View | str | None = None,
     fps: float = 6.0,
     title: str | None = None,
-    both: bool = False,
+    palette: str = "sea",
 ) -> Video:
     """Record a video of one episode: what the searches so far leave of the probability.
 
@@ -72,39 +71,31 @@ def record(
         view: what the policy sees, as for `evaluate`.
         fps: steps shown per second, from 0.1 to 50.
         title: the story, in two lines; None: the beginning of the search's `reason`.
-        both: instead, show the whole maps of prior and posterior, a panel, and all of the story.
+        palette: the colours of the map, "sea" or "classic".
 
     Raises:
         ImportError: the package of the extra "video" is missing.
         OSError: the file cannot be written.
         TypeError, ValueError: an argument is invalid.
     """
-    from DroneSwarmSearch.rendering.film import Film
-    from DroneSwarmSearch.rendering.painter import Painter
-
     target, rate = Path(path), checks.real("fps", fps, FPS_LEAST, FPS_MOST)
+    checks.choice("palette", palette, tuple(PALETTES))
     spec, where = PolicySpec.of(policy, name), as_named(search)
     first, seen = checks.integer("seed", seed, 0), view_of(spec, where, view)
     where = where.with_posterior(seen.bayesian_update)
-    made = prepared(spec, where)
-    label = f"{spec.name} searching {where.name}, seed {seed}"
-    last: list[Frame] = []
+    made, last = prepared(spec, where), None
 
     def frames() -> Iterator[Frame]:
-        for frame, _ in play(made, where, first, seen):
-            last[:] = [frame]
-            bar(frame.step)
-            yield replace(frame, policy=label if both else spec.name, scale=where.scale)
+        nonlocal last
+        for last, _ in play(made, where, first, seen):
+            bar(last.step)
+            yield replace(last, policy=spec.name, scale=where.scale)
 
-    def painter_of(played: Sequence[Frame]) -> Film | Painter:
-        story = where.reason if title is None else title
-        if both:
-            return Painter(where.scenario.grid_size, Look(grid=True), view="both", reason=story)
-        return Film(played, title=story)
-
-    with Progress(f"video of {label}", where.scenario.timestep_limit) as bar:
-        write_video(target, frames(), painter_of, fps=rate, hold=HOLD, gif_width=GIF_WIDTH)
-    return Video(target, last[0])
+    story = where.reason if title is None else title
+    with Progress(f"video of {spec.name}", where.scenario.timestep_limit) as bar:
+        write_video(target, frames(), Look(palette=palette), title=story, fps=rate, hold=HOLD)
+    assert last is not None
+    return Video(target, last)
 
 
 def play(

@@ -6,19 +6,15 @@ import contextlib
 import itertools
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch.frame import Frame
-
-if TYPE_CHECKING:
-    from DroneSwarmSearch.rendering.film import Film
-    from DroneSwarmSearch.rendering.painter import Painter
+from DroneSwarmSearch.rendering.palette import Look
 
 SUFFIXES = (".gif", ".mp4")
 FPS_LEAST, FPS_MOST = 0.1, 50.0  # the range of steps per second; a GIF cannot show more
@@ -31,40 +27,35 @@ PALETTE = "[0]palettegen[palette];[1][palette]paletteuse=dither=none:diff_mode=r
 
 
 def write_video(
-    path: Path,
-    frames: Iterable[Frame],
-    painter_of: Callable[[Sequence[Frame]], Painter | Film],
-    *,
-    fps: float,
-    hold: float,
-    gif_width: int = 600,
+    path: Path, frames: Iterable[Frame], look: Look, *, title: str, fps: float, hold: float
 ) -> None:
-    """Write the frames of consecutive steps as a smooth video; `fps` is in steps per second.
+    """Write the frames of consecutive steps as a smooth `Film`; `fps` is in steps per second.
 
-    `painter_of` makes a painter for the frames, taken after all checks; see `write_pictures`.
+    The frames are taken after all checks; see `write_pictures`.
     """
+    from DroneSwarmSearch.rendering.film import Film
+
     per_step = max(1, round(SMOOTH / fps))
 
     def pictures() -> Iterator[NDArray[np.uint8]]:
         played = list(frames)
-        painter = painter_of(played)
-        yield painter.pixels(played[0])
+        film = Film(played, look, title=title)
+        yield film.pixels(played[0])
         for frame, following in itertools.pairwise(played):
             for part in range(1, per_step):
-                yield painter.pixels(frame, towards=following, progress=part / per_step)
-            yield painter.pixels(following)
+                yield film.pixels(frame, towards=following, progress=part / per_step)
+            yield film.pixels(following)
 
-    write_pictures(path, pictures(), fps=fps * per_step, hold=hold, gif_width=gif_width)
+    write_pictures(path, pictures(), fps=fps * per_step, hold=hold)
 
 
 def write_pictures(
-    path: Path, pictures: Iterable[NDArray[np.uint8]], *, fps: float, hold: float, gif_width: int
+    path: Path, pictures: Iterable[NDArray[np.uint8]], *, fps: float, hold: float
 ) -> None:
     """Write one or more pictures of shape (height, width, 3) to a file, GIF or MP4 by its suffix.
 
-    The last one stays for `hold` additional seconds; GIFs are at most `gif_width` pixels wide. The
-    file appears when it is complete; after an error, a previous file is still there. Memory does
-    not grow with the number of pictures.
+    The last one stays for `hold` additional seconds. The file appears when it is complete; after an
+    error, a previous file is still there. Memory does not grow with the number of pictures.
 
     Raises ImportError without imageio-ffmpeg (the extra "video"), OSError if the file cannot be
     written, and ValueError if the suffix is not one of `SUFFIXES`.
@@ -84,15 +75,15 @@ def write_pictures(
     first = next(left)
     height, width, _ = first.shape
     shape = ["-s", f"{width}x{height}", "-r", f"{fps}"]
-    read = [*ffmpeg, "-f", "rawvideo", "-pix_fmt", "rgb24", *shape, "-i", "-", "-vf"]
+    read = [*ffmpeg, "-f", "rawvideo", "-pix_fmt", "rgb24", *shape, "-i", "-"]
     stay = f"tpad=stop_mode=clone:stop_duration={hold}"
     with replacing(path) as spare, tempfile.TemporaryDirectory(dir=path.parent) as folder:
         every = itertools.chain([first], left)
         if path.suffix.lower() == ".mp4":
-            _run([*read, f"{EVEN},{stay}", "-preset", "veryfast", str(spare)], every)
+            _run([*read, "-vf", f"{EVEN},{stay}", "-preset", "veryfast", str(spare)], every)
         else:  # the palette depends on all pictures, so they go to disk first
-            video, smaller = str(Path(folder, "pictures.mkv")), f"scale='min(iw,{gif_width})':-1"
-            _run([*read, f"{smaller}:flags=area", *LOSSLESS, video], every)
+            video = str(Path(folder, "pictures.mkv"))
+            _run([*read, *LOSSLESS, video], every)
             twice = [*ffmpeg, "-i", video, "-i", video, "-filter_complex"]
             _run([*twice, f"{PALETTE},{stay}", str(spare)])
 
