@@ -7,6 +7,7 @@ import sys
 import textwrap
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from DroneSwarmSearch._internal import checks
@@ -198,13 +199,13 @@ def _look(options: argparse.Namespace) -> Look:
 
 
 def _record(options: argparse.Namespace, episode: _Episode) -> None:
-    from DroneSwarmSearch.rendering.painter import Painter
+    from DroneSwarmSearch.rendering.film import Film
 
-    path, first = options.record, episode.frame
-    print(f"recording to {path}, at most {first.timestep_limit} steps ...", file=sys.stderr)
-    reason = episode.search.reason if first.scale else ""
-    painter = Painter(first.grid_size, _look(options), reason=reason)
-    write_video(path, painter, episode.frames(), fps=options.fps, hold=2.0)
+    path, limit = options.record, episode.frame.timestep_limit
+    print(f"recording to {path}, at most {limit} steps ...", file=sys.stderr)
+    title = "" if options.search is None else episode.search.reason
+    film_of = partial(Film, look=_look(options), title=title)
+    write_video(path, episode.frames(), film_of, fps=options.fps, hold=2.0)
 
 
 def _play_in_window(options: argparse.Namespace, search: NamedSearch) -> bool:

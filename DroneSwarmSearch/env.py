@@ -91,8 +91,8 @@ class DroneSwarmSearch(SearchSpaces):
         render_grid: draw lines between the cells.
         render_gradient: colour the cells smoothly, else in three steps.
         scenario: all parameters of the search, instead of these arguments.
-        palette: the colours of the map: "classic" (dark red, yellow, bright green) or
-            "sea" (pale to deep blue).
+        palette: the colours of the map: "sea" (pale to deep blue) or "classic" (dark red,
+            yellow, bright green, as in the 2023 package).
 
     Raises:
         TypeError: an argument is of the wrong type.
@@ -125,7 +125,7 @@ class DroneSwarmSearch(SearchSpaces):
         persons: Sequence[Person] | Person | None = None,
         mission: str = "rescue",
         scenario: Scenario | None = None,
-        palette: str = "classic",
+        palette: str = "sea",
     ) -> None:
         super().__init__()
         self._scenario = resolve_scenario(

@@ -38,19 +38,15 @@ POLICIES = {
 
 SEEDS = range(5)
 
-DRONES = 16
-"""Drones whose colours the page knows."""
-
 
 def index() -> dict[str, Any]:
     """The content of `index.js`."""
-    sea = palette.Look(palette="sea")
     return {
         "searches": {name: SUITE[name].reason for name in SEARCHES},
         "policies": POLICIES,
         "colours": {
-            "map": palette.PALETTES["sea"].stops,
-            "drones": [sea.drone(number) for number in range(DRONES)],
+            "map": palette.PALETTES["sea"],
+            "drones": palette.DRONES,
             "person": palette.LIFE_RING,
             "found": palette.FOUND,
             "notFound": palette.NOT_FOUND,

@@ -10,24 +10,21 @@ from __future__ import annotations
 import re
 import shlex
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import pygame
-from numpy.typing import NDArray
 from PIL import Image
 
 from DroneSwarmSearch import cli
-from DroneSwarmSearch.evaluation import NamedSearch, record, search
+from DroneSwarmSearch.evaluation import NamedSearch, View, record, search
 from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.policies import POLICIES, make
-from DroneSwarmSearch.rendering import palette, sprites
-from DroneSwarmSearch.rendering.painter import to_array
-from DroneSwarmSearch.rendering.search_map import LEFT, TOP, SearchMap
+from DroneSwarmSearch.rendering import sprites
+from DroneSwarmSearch.rendering.film import Film
 from DroneSwarmSearch.rendering.video import write_pictures
 
 IMAGES = Path(__file__).parent / "images"
@@ -40,68 +37,51 @@ SHOWN = [policy for policy in POLICIES if policy != "random"]
 WIDTH, FPS, STRIDE = 270, 8.0, 4
 """Width of a video in pixels, pictures per second, and steps from one picture to the next."""
 
-CROP = slice(7, 37), slice(5, 35)
-"""The rows and columns that the videos show, which hold all of the action."""
-
 LEVELS = 10
 """Shades of the map; with fewer, fewer cells change from picture to picture."""
 
-HEAD, FONT = 30, 23
-"""The line above the map: its height and font size."""
+STORY = (
+    "A passenger fell from a ferry 25 minutes ago. "
+    "Three drones search where the drift may have taken them."
+)
 
 
 def logo() -> None:
-    """Save the symbol of a drone, the logo of the documentation."""
-    symbol = sprites.drone(192, palette.Look(palette="classic").drone(0))
+    """Save the symbol of a person, the logo of the documentation."""
+    symbol = sprites.person(192)
     pixels = pygame.image.tobytes(symbol, "RGBA")
     Image.frombytes("RGBA", symbol.get_size(), pixels).save(IMAGES / "logo.png", optimize=True)
 
 
 def video() -> None:
     """Record the video on the first page."""
-    record("greedy-posterior", "man-overboard", IMAGES / "search.gif", seed=9)
+    record("planner", "man-overboard", IMAGES / "search.gif", seed=1, title=STORY)
 
 
 def gallery() -> None:
     """Record the same search with each policy, without finding anybody."""
     where = search(SEARCH)
     where = replace(where, scenario=where.scenario.replace(mission="coverage"))
-    for policy in SHOWN:
+    played = {policy: frames(policy, where) for policy in SHOWN}
+    every = [frame for each in played.values() for frame in each]  # so that all are cropped alike
+    for policy, each in played.items():
+        film = Film(every, title=policy, width=WIDTH)
         path = IMAGES / f"gallery-{policy}.gif"
-        write_pictures(path, tiles(policy, where), fps=FPS, hold=3.0, gif_width=WIDTH)
+        write_pictures(path, map(film.pixels, each), fps=FPS, hold=3.0, gif_width=WIDTH)
 
 
-def tiles(policy: str, where: NamedSearch) -> Iterator[NDArray[np.uint8]]:
-    """The pictures of a video of the gallery."""
-    rows = CROP[0]
-    drawing = SearchMap(rows.stop - rows.start, palette.Look(palette="sea"), side=WIDTH)
-    for frame, _ in play(make(policy, where.scenario), where, seed=0):
-        if frame.step % STRIDE and frame.ending is None:
-            continue
-        canvas = pygame.Surface(drawing.size, 0, 32)
-        shown = cropped(frame)
-        drawing.draw(canvas, shown, shown, 0.0)
-        picture = pygame.Surface((drawing.side, HEAD + drawing.side), 0, 32)
-        picture.fill(palette.PAPER)
-        picture.blit(canvas, (0, HEAD), pygame.Rect(LEFT, TOP, drawing.side, drawing.side))
-        sprites.write(picture, policy, FONT, palette.INK, midleft=(4, HEAD // 2))
-        success = f"{frame.probability_of_success:.0%}"
-        sprites.write(picture, success, FONT, palette.INK, midright=(drawing.side - 4, HEAD // 2))
-        yield to_array(picture)
-
-
-def cropped(frame: Frame) -> Frame:
-    """The part of a frame that the gallery shows."""
-    top, left = (part.start for part in CROP)
-    shown = frame.matrix[CROP]
-    return replace(
-        frame,
-        matrix=np.rint(shown / shown.max() * LEVELS).astype(np.float32),
-        drones=tuple((x - left, y - top) for x, y in frame.drones),
-        trails=tuple(tuple((x - left, y - top) for x, y in trail) for trail in frame.trails),
-        searched=tuple((x - left, y - top, age) for x, y, age in frame.searched),
-        ending=None,
-    )
+def frames(policy: str, where: NamedSearch) -> list[Frame]:
+    """The frames that a video of the gallery shows."""
+    return [
+        replace(
+            frame,
+            matrix=np.rint(frame.matrix / frame.matrix.max() * LEVELS).astype(np.float32),
+            ending=None,
+            scale=where.scale,
+        )
+        for frame, _ in play(make(policy, where.scenario), where, 0, View("swarm"))
+        if frame.step % STRIDE == 0 or frame.ending is not None
+    ]
 
 
 def plan() -> None:

@@ -47,7 +47,7 @@ CONSTRUCTOR: list[tuple[Any, ...]] = [
     (POD, (0.5, 0.5), ValueError),
     ("render_mode", "Human", ValueError),
     ("render_grid", 1, TypeError),
-    ("palette", "ocean", ValueError, "one of 'classic', 'sea'"),
+    ("palette", "ocean", ValueError, "one of 'sea', 'classic'"),
     ("bayesian_update", 0, TypeError),
     ("reward_scheme", {"step": 1}, TypeError),
     ("mission", "picnic", ValueError, "one of 'rescue', 'coverage'"),

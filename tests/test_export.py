@@ -200,7 +200,7 @@ class TestDocumentation:
     def test_the_index_has_the_colours_of_the_palette(self):
         assert self.committed("index") == json.loads(json.dumps(pages.index()))
         ramp = np.array(self.committed("index")["colours"]["map"])
-        assert np.array_equal(ramp, PALETTES["sea"].stops)
+        assert np.array_equal(ramp, PALETTES["sea"])
 
     @pytest.mark.parametrize("name", pages.SEARCHES)
     def test_they_are_complete(self, name):

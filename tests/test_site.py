@@ -297,7 +297,7 @@ def most_common(name: str) -> tuple[int, ...]:
     """The colour of cells without probability, in the light or the dark theme."""
     from DroneSwarmSearch.rendering.palette import PALETTES
 
-    return PALETTES["sea"].stops[0 if name == "light" else -1]
+    return PALETTES["sea"][0 if name == "light" else -1]
 
 
 @pytest.mark.parametrize("served", [True, False], ids=["served", "from files"])

@@ -1,10 +1,10 @@
-"""Play one episode with the prior and the posterior, and record it as a video."""
+"""Play one episode, and record it as a video."""
 
 from __future__ import annotations
 
 import base64
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -55,10 +55,13 @@ def record(
     name: str | None = None,
     view: View | str | None = None,
     fps: float = 6.0,
+    title: str | None = None,
+    both: bool = False,
 ) -> Video:
-    """Record a video of one episode: the prior on the left, the posterior on the right.
+    """Record a video of one episode: what the searches so far leave of the probability.
 
-    An existing file is only replaced when the video is complete.
+    The map is cropped to the likely cells, the drones and the persons. An existing file is only
+    replaced when the video is complete.
 
     Args:
         policy: as for `evaluate`.
@@ -68,12 +71,15 @@ def record(
         name: the policy's name in the picture.
         view: what the policy sees, as for `evaluate`.
         fps: steps shown per second, from 0.1 to 50.
+        title: the story, in two lines; None: the beginning of the search's `reason`.
+        both: instead, show the whole maps of prior and posterior, a panel, and all of the story.
 
     Raises:
         ImportError: the package of the extra "video" is missing.
         OSError: the file cannot be written.
         TypeError, ValueError: an argument is invalid.
     """
+    from DroneSwarmSearch.rendering.film import Film
     from DroneSwarmSearch.rendering.painter import Painter
 
     target, rate = Path(path), checks.real("fps", fps, FPS_LEAST, FPS_MOST)
@@ -81,19 +87,23 @@ def record(
     first, seen = checks.integer("seed", seed, 0), view_of(spec, where, view)
     where = where.with_posterior(seen.bayesian_update)
     made = prepared(spec, where)
-    title = f"{spec.name} searching {where.name}, seed {seed}"
-    reason = where.reason if where.scale else ""
-    painter = Painter(where.scenario.grid_size, Look(grid=True), view="both", reason=reason)
+    label = f"{spec.name} searching {where.name}, seed {seed}"
     last: list[Frame] = []
 
     def frames() -> Iterator[Frame]:
         for frame, _ in play(made, where, first, seen):
             last[:] = [frame]
             bar(frame.step)
-            yield replace(frame, policy=title, scale=where.scale)
+            yield replace(frame, policy=label if both else spec.name, scale=where.scale)
 
-    with Progress(f"video of {title}", where.scenario.timestep_limit) as bar:
-        write_video(target, painter, frames(), fps=rate, hold=HOLD, gif_width=GIF_WIDTH)
+    def painter_of(played: Sequence[Frame]) -> Film | Painter:
+        story = where.reason if title is None else title
+        if both:
+            return Painter(where.scenario.grid_size, Look(grid=True), view="both", reason=story)
+        return Film(played, title=story)
+
+    with Progress(f"video of {label}", where.scenario.timestep_limit) as bar:
+        write_video(target, frames(), painter_of, fps=rate, hold=HOLD, gif_width=GIF_WIDTH)
     return Video(target, last[0])
 
 

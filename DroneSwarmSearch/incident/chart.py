@@ -13,6 +13,7 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.files import write_bytes
 from DroneSwarmSearch.evaluation.plots import STYLES
+from DroneSwarmSearch.rendering.palette import INK, drone_colour, readable_on
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,6 +56,7 @@ def draw(plan: FlightPlan) -> Figure:
     dashed when the search begins and solid at the last landing. The grey is the map at the start.
     """
     from matplotlib.figure import Figure
+    from matplotlib.patheffects import Normal, Stroke
 
     incident, scale, steps = plan.incident, plan.search.scale, len(plan.success) - 1
     assert scale is not None and incident.position is not None
@@ -87,19 +89,25 @@ def draw(plan: FlightPlan) -> Figure:
     flown = [[(each.time - start).total_seconds() / 60 for each in one] for one in plan.flights]
     step = STEPS[STEPS.searchsorted(sum(each[-1] - each[0] for each in flown) / 40)]
     gap = 50 * point * cell / incident.speed / 60  # minutes between heads of arrows
-    marked = [known]
+    marked = [known, base]
     for drone, (track, minutes) in enumerate(zip(tracks, flown, strict=True)):
-        colour, dashes = f"C{drone}", (0, DASHES[drone % len(DASHES)])
+        disc = drone_colour(drone)
+        colour, ink, white = (np.array(each) / 255 for each in (disc, INK, readable_on(disc)))
+        dashes = (0, DASHES[drone % len(DASHES)])
+        casing = [Stroke(linewidth=2.6, foreground=ink), Normal()]
+        look: Any = {"color": colour, "path_effects": casing}
         first = [each.searching for each in plan.flights[drone]].index(True)
-        axes.plot(*track[: first + 1].T, color=colour, linewidth=0.7)
-        axes.plot(*track[first:].T, color=colour, linestyle=dashes, label=f"drone {drone}")
+        axes.plot(*track[: first + 1].T, color=ink, linewidth=0.7)
+        axes.plot(*track[first:].T, linestyle=dashes, label=f"drone {drone}", **look)
         for time in np.arange(minutes[0] + gap, minutes[-1], gap):
             tail, tip = _between(track, minutes, [time - gap / 20, time + gap / 20])
-            axes.annotate("", tip, tail, arrowprops=HEAD | {"color": colour})
-        look: Any = {"color": colour, "zorder": 8, "clip_on": True, **CENTRED}
-        circle = {"boxstyle": "circle", "facecolor": "white", "edgecolor": colour}
-        axes.text(*track[first], f"{drone}", bbox=circle, **look)
-        marked.append(track[first])
+            axes.annotate("", tip, tail, arrowprops=HEAD | {"color": ink})
+        look = {"zorder": 8, "clip_on": True, **CENTRED}
+        circle = {"boxstyle": "circle", "facecolor": colour, "edgecolor": ink}
+        clear = [at for at in track[first:] if np.abs(at - marked).max(axis=1).min() > 12 * point]
+        place = clear[0] if clear else track[first]
+        axes.text(*place, f"{drone}", bbox=circle, color=white, **{**look, "zorder": 10})
+        marked.append(place)
         times = np.arange(np.ceil(minutes[0] / step), minutes[-1] / step) * step
         for time, at in zip(times, _between(track, minutes, times), strict=True):
             if np.abs(at - marked).max(axis=1).min() > 12 * point:

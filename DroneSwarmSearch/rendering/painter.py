@@ -71,7 +71,7 @@ class Painter:
         for area, each in zip(self._map_areas, shown, strict=True):
             self._map.draw(canvas.subsurface(area), each, towards or frame, progress)
         panel = canvas.subsurface(self._panel_area)
-        draw_panel(panel, frame, self._look, self._map.symbol)
+        draw_panel(panel, frame, self._look)
         for number, text in enumerate(self._reason):
             top = self._reason_top + REASON_LINE * number
             write(canvas, text, CAPTION_FONT, INK, topleft=(LEFT, top))
@@ -89,17 +89,22 @@ class Painter:
             line = fitted_line(frame.policy, TITLE_FONT, (right - left) * 0.55, INK)
             left = canvas.blit(line, line.get_rect(midleft=(left, HEAD // 2))).right + 20
         if frame.ending is not None:
-            box = pygame.Rect(left, 10, right - left, HEAD - 12)
-            pygame.draw.rect(canvas, outcome_colour(frame), box, border_radius=6)
-            text = frame.outcome
-            if frame.ending is not Ending.FOUND or len(frame.persons) > 1:
-                text += f": {frame.ending.description}"
-            line = fitted_line(text, OUTCOME_FONT, box.width - 32, WHITE)
-            canvas.blit(line, line.get_rect(center=box.center))
+            draw_outcome(canvas, frame, pygame.Rect(left, 10, right - left, HEAD - 12))
         elif len(self._map_areas) == 1:
             middle = HEAD // 2
             anchor = {"midright": (right, middle)} if frame.policy else {"midleft": (left, middle)}
             write(canvas, CAPTIONS[frame.prior is not None], CAPTION_FONT, GREY, **anchor)
+
+
+def draw_outcome(canvas: pygame.Surface, frame: Frame, box: pygame.Rect) -> None:
+    """Draw a box with how the episode ended."""
+    assert frame.ending is not None
+    pygame.draw.rect(canvas, outcome_colour(frame), box, border_radius=6)
+    text = frame.outcome
+    if frame.ending is not Ending.FOUND or len(frame.persons) > 1:
+        text += f": {frame.ending.description}"
+    line = fitted_line(text, OUTCOME_FONT, box.width - 32, WHITE)
+    canvas.blit(line, line.get_rect(center=box.center))
 
 
 def to_array(surface: pygame.Surface) -> NDArray[np.uint8]:

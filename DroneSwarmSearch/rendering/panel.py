@@ -30,22 +30,21 @@ HEADING, SMALL, BODY, LARGE = 18, 19, 22, 42  # font sizes
 # Of the sections; those below grow with their content.
 RESULTS_TOP, DRIFT_HEIGHT, SCALE_HEIGHT, SYMBOLS_HEIGHT = 92, 112, 88, 144
 HYPOTHESES_HEAD, HYPOTHESES_ROW, HYPOTHESES_ROWS = 44, 22, 3
-DRONES_HEAD, DRONE_ROW, DRONE_COLUMNS, DRONE_SYMBOL = 22, 27, 5, 20
+DRONES_HEAD, DRONE_ROW, DRONE_COLUMNS, DRONE_SYMBOL = 22, 29, 8, 25
 COMPASS = 62
-SYMBOL_MOST = 24
+SYMBOL = 24
 NAME_WIDTH = 62  # left of a bar
 
 
-def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look, symbol: int) -> None:
-    """Draw all sections; `symbol` is the size of those on the map."""
-    symbol = min(symbol, SYMBOL_MOST)
+def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look) -> None:
+    """Draw all sections."""
     _draw_time(canvas, frame)
     top = _draw_results(canvas, frame)
     _draw_drift(canvas, frame, top)
     top += DRIFT_HEIGHT
     _draw_scale(canvas, look, float(frame.matrix.max()), top)
     top += SCALE_HEIGHT
-    _draw_symbols(canvas, look, symbol, bool(frame.persons), top)
+    _draw_symbols(canvas, bool(frame.persons), top)
     top += SYMBOLS_HEIGHT
     persons = frame.uncertain_persons[:HYPOTHESES_ROWS]
     if persons:
@@ -55,7 +54,7 @@ def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look, symbol: int) ->
             write(canvas, f"person {person}", SMALL, INK, midleft=(0, bar.centery))
             _draw_weights(canvas, frame.hypotheses[person], bar)
         top += HYPOTHESES_HEAD + HYPOTHESES_ROW * len(persons)
-    _draw_drones(canvas, look, symbol, len(frame.drones), top)
+    _draw_drones(canvas, len(frame.drones), top)
 
 
 def _heading(canvas: pygame.Surface, text: str, top: int, right: str = "") -> None:
@@ -127,24 +126,23 @@ def _draw_scale(canvas: pygame.Surface, look: Look, maximum: float, top: int) ->
         canvas.blit(label, at.clamp(canvas.get_rect()))
 
 
-def _draw_symbols(canvas: pygame.Surface, look: Look, side: int, persons: bool, top: int) -> None:
+def _draw_symbols(canvas: pygame.Surface, persons: bool, top: int) -> None:
     _heading(canvas, "SYMBOLS", top)
-    colour, half = look.drone(0), WIDTH // 2
-    small = sprites.drone(side - 4, colour)
+    half, small = WIDTH // 2, sprites.drone(SYMBOL - 4, 0)
     symbols = [
-        (0, 0, "drone", (sprites.drone(side, colour),)),
-        (half, 0, "searching", (sprites.search_ring(SYMBOL_MOST + 4), small)),
-        (half if persons else 0, 1, "collision", (sprites.collision(SYMBOL_MOST + 6), small)),
+        (0, 0, "drone", (sprites.drone(SYMBOL, 0),)),
+        (half, 0, "searching", (sprites.search_ring(SYMBOL + 4), small)),
+        (half if persons else 0, 1, "collision", (sprites.collision(SYMBOL + 6), small)),
     ]
     if persons:
-        found = (sprites.found(side, colour),)
-        symbols.append((0, 1, "person", (sprites.person(side),)))
+        found = (sprites.found(SYMBOL, 0),)
+        symbols.append((0, 1, "person", (sprites.person(SYMBOL),)))
         symbols.append((0, 2, "found, in the drone's colour", found))
     for left, row, meaning, images in symbols:
         middle = top + 36 + row * 30
         for image in images:
-            canvas.blit(image, image.get_rect(center=(left + SYMBOL_MOST // 2 + 2, middle)))
-        write(canvas, meaning, SMALL, INK, midleft=(left + SYMBOL_MOST + 14, middle))
+            canvas.blit(image, image.get_rect(center=(left + SYMBOL // 2 + 2, middle)))
+        write(canvas, meaning, SMALL, INK, midleft=(left + SYMBOL + 14, middle))
 
 
 def _draw_weights(canvas: pygame.Surface, weights: tuple[float, ...], bar: pygame.Rect) -> None:
@@ -159,13 +157,11 @@ def _draw_weights(canvas: pygame.Surface, weights: tuple[float, ...], bar: pygam
             canvas.blit(label, label.get_rect(center=part.center))
 
 
-def _draw_drones(canvas: pygame.Surface, look: Look, side: int, drones: int, top: int) -> None:
-    """The number of drones, and the colours and numbers of as many as fit."""
+def _draw_drones(canvas: pygame.Surface, drones: int, top: int) -> None:
+    """The number of drones, and as many of them as fit."""
     _heading(canvas, "DRONES", top, f"{drones}")
     rows = (HEIGHT - top - DRONES_HEAD) // DRONE_ROW
     for number in range(min(drones, rows * DRONE_COLUMNS)):
         row, column = divmod(number, DRONE_COLUMNS)
         left, middle = column * WIDTH // DRONE_COLUMNS, top + 34 + row * DRONE_ROW
-        image = sprites.drone(min(side, DRONE_SYMBOL), look.drone(number))
-        canvas.blit(image, image.get_rect(center=(left + DRONE_SYMBOL // 2, middle)))
-        write(canvas, f"{number}", SMALL, INK, midleft=(left + DRONE_SYMBOL + 4, middle))
+        canvas.blit(sprites.drone(DRONE_SYMBOL, number), (left, middle - DRONE_SYMBOL // 2))

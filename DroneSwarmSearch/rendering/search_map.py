@@ -23,9 +23,9 @@ from DroneSwarmSearch.rendering.palette import (
     WHITE,
     Colour,
     Look,
-    readable_on,
+    drone_colour,
 )
-from DroneSwarmSearch.rendering.sprites import text_line, write
+from DroneSwarmSearch.rendering.sprites import write
 from DroneSwarmSearch.rules import Ending, is_success
 
 # Lengths are in pixels, unless stated otherwise. A share is one of a cell's side.
@@ -33,16 +33,15 @@ LEFT, TOP, RIGHT, BOTTOM = 46, 42, 22, 24  # margins; the first two hold the coo
 TICK_ROOM, KILOMETRE_ROOM, TICK_FONT = 26, 44, 18
 NORTH = 14  # the side of the arrow to the north
 OPAQUE_FROM, GRID_OPACITY = 16, 0.45  # closer lines are fainter than this opacity
-SYMBOL_SHARE, SEARCHING_SHARE = 0.92, 0.76  # a symbol, a drone inside a search ring
-SYMBOL_LEAST = 16  # holds even if symbols then leave their cell
-# In a cell with several symbols: their size in relation to one that is alone, and the distance
-# from the middle of the cell.
-SHARED_SIZE, APART_SHARE, APART_LEAST = 0.54, 0.27, 6
-RING_MARGIN = 8  # how much larger than its drone a search ring is at least
+SYMBOL_SHARE = 0.84  # of a symbol
+SYMBOL_LEAST = 26  # for a legible number, even if symbols then leave their cell
+# In a cell with several symbols: their size in relation to one that is alone, the least size, and
+# the distance from the middle of the cell.
+SHARED_SIZE, SHARED_LEAST, APART_SHARE, APART_LEAST = 0.54, 20, 0.27, 9
+RING_SIZE, RING_MARGIN = 1.2, 8  # of a search ring: in relation to its drone, and at least larger
 COLLISION_SIZE = 2.5  # of the star of a collision, in relation to a drone
-NUMBER_FROM, NUMBER_SHARE = 24, 0.6  # drones of at least this side show their number; its font
-TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 3, 230  # width, least width, that of the last move
-SEARCHED_SHARE, SEARCHED_LEAST = 0.25, 5  # of the mark of a search
+TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 4, 230  # width, least width, that of the last move
+SEARCHED_SHARE, SEARCHED_LEAST = 0.25, 6  # of the mark of a search
 FADES = 6  # the opacities of marks that fade
 Point = tuple[float, float]
 Places = Sequence[Sequence[float]]
@@ -52,17 +51,16 @@ Sprite = tuple[pygame.Surface, Point]  # an image and the place of its middle
 class SearchMap:
     """Draws the map of one grid size on surfaces of its `size`, margins included.
 
-    `side` is that of all cells together, about the argument, so that cells have whole pixels;
-    `symbol` the side of a drone alone in its cell.
+    `side` is that of all cells together, about the argument, so that cells have whole pixels.
     """
 
     def __init__(self, grid_size: int, look: Look, *, side: int = 720) -> None:
-        self._grid_size = grid_size
+        self.grid_size = grid_size
         self._look = look
         self.side = grid_size * round(side / grid_size) if grid_size < side else side
         self.size = LEFT + self.side + RIGHT, TOP + self.side + BOTTOM
         self._pitch = self.side / grid_size  # the side of a cell
-        self.symbol = max(round(SYMBOL_SHARE * self._pitch), SYMBOL_LEAST)
+        self._symbol = max(round(SYMBOL_SHARE * self._pitch), SYMBOL_LEAST)
 
     def draw(self, canvas: pygame.Surface, frame: Frame, end: Frame, progress: float) -> None:
         """Draw the moment at `progress`, 0 to 1, from a frame to `end`, the next one or itself."""
@@ -104,7 +102,7 @@ class SearchMap:
             canvas.blit(sprites.north(NORTH), (right + 7, TOP))
             write(canvas, "N", TICK_FONT, INK, midtop=(right + 7 + NORTH // 2, TOP + NORTH + 2))
         stride = tick_stride(room, self._pitch / per_cell)
-        for number in range(0, math.ceil((self._grid_size - origin) * per_cell), stride):
+        for number in range(0, math.ceil((self.grid_size - origin) * per_cell), stride):
             at = round((origin + number / per_cell) * self._pitch)
             text = f"{number / thousand:g}"
             write(canvas, text, TICK_FONT, GREY, midbottom=(LEFT + at, TOP - 7))
@@ -118,7 +116,7 @@ class SearchMap:
     def _draw_lines(self, canvas: pygame.Surface) -> None:
         opacity = round(255 * GRID_OPACITY * min(1.0, self._pitch / OPAQUE_FROM))
         lines = pygame.Surface((self.side, self.side), pygame.SRCALPHA, 32)
-        for cell in range(1, self._grid_size):
+        for cell in range(1, self.grid_size):
             at = round(cell * self._pitch)
             lines.fill((*GREY, opacity), (at, 0, 1, self.side))
             lines.fill((*GREY, opacity), (0, at, self.side, 1))
@@ -141,7 +139,7 @@ class SearchMap:
         layer = pygame.Surface((self.side, self.side), pygame.SRCALPHA, 32)
         for rim in (1, 0):
             for number, (trail, at) in enumerate(zip(frame.trails, drones, strict=False)):
-                colour = WHITE if rim else self._look.drone(number)
+                colour = WHITE if rim else drone_colour(number)
                 moves = list(pairwise([*trail, at]))
                 for index, (start, end) in enumerate(moves):
                     if tuple(start) == tuple(end):
@@ -180,20 +178,15 @@ class SearchMap:
             if len(drones) > 1:
                 marks.append((sprites.collision(round(COLLISION_SIZE * size)), middle))
             for drone, place in zip(drones, places, strict=False):
-                side = size
                 if end.searching[drone]:
-                    side = max(round(SEARCHING_SHARE / SYMBOL_SHARE * size), SYMBOL_LEAST)
-                    marks.append((sprites.search_ring(max(size, side + RING_MARGIN)), place))
-                colour = self._look.drone(drone)
-                symbols.append((sprites.drone(side, colour), place))
-                if side >= NUMBER_FROM:
-                    font = round(NUMBER_SHARE * side)
-                    symbols.append((text_line(f"{drone}", font, readable_on(colour)), place))
+                    ring = max(round(RING_SIZE * size), size + RING_MARGIN)
+                    marks.append((sprites.search_ring(ring), place))
+                symbols.append((sprites.drone(size, drone), place))
             for person, place in zip(persons, places[len(drones) :], strict=True):
                 finder = frame.found_by[person]
                 image = sprites.person(size)
                 if finder is not None:
-                    image = sprites.found(size, self._look.drone(finder))
+                    image = sprites.found(size, finder)
                 symbols.append((image, place))
         # Marks lie below all symbols: in small cells they reach into the neighbours.
         _blit_all(canvas, marks + symbols)
@@ -201,12 +194,12 @@ class SearchMap:
     def _places(self, middle: Point, count: int) -> tuple[list[Point], int]:
         """The middles of symbols in one cell, on a circle if there are several; and their side."""
         if count == 1:
-            return [middle], self.symbol
+            return [middle], self._symbol
         x, y = middle
         apart = max(APART_SHARE * self._pitch, APART_LEAST)
         angles = [math.tau * (number / count + 5 / 8) for number in range(count)]
         places = [(x + apart * math.cos(at), y + apart * math.sin(at)) for at in angles]
-        return places, max(round(SHARED_SIZE * self.symbol), SYMBOL_LEAST)
+        return places, max(round(SHARED_SIZE * self._symbol), SHARED_LEAST)
 
 
 def outcome_colour(frame: Frame) -> Colour:

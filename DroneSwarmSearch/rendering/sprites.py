@@ -16,19 +16,16 @@ from DroneSwarmSearch.rendering.palette import (
     GREY,
     INK,
     LIFE_RING,
-    SKIN,
     SPOTLIGHT,
     WATER,
     WHITE,
     Colour,
+    drone_colour,
     readable_on,
 )
 
-# Sizes in pixels from which a drone has rotors and blades, and a person a life ring and a body.
-ROTORS_FROM, BLADES_FROM, LIFE_RING_FROM = 18, 60, 24
 TEXT_SUPERSAMPLING = 4
 Point = tuple[float, float]
-CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
 class _Pen:
@@ -100,59 +97,34 @@ def write(
 
 
 @lru_cache(maxsize=512)
-def drone(size: int, colour: Colour) -> pygame.Surface:
-    """A quadcopter, with a light rim and a dark outline; an X if it is small."""
-    pen = _Pen(size, WHITE)
-    rim, line = 1.2 * pen.pixel, max(pen.pixel, 0.035)
-    body = 0.56 if size < BLADES_FROM else 0.44
-    for inset, paint in ((0.0, WHITE), (rim, INK), (rim + line, colour)):
-        for x, y in CORNERS:
-            if size < ROTORS_FROM:
-                pen.stroke([(0, 0), (0.56 * x, 0.56 * y)], 0.84 - 2 * inset, paint)
-                continue
-            arm = INK if paint is colour else paint
-            pen.stroke([(0, 0), (0.6 * x, 0.6 * y)], max(0.22 - 2 * inset, 0.08), arm)
-            pen.disc((0.6 * x, 0.6 * y), 0.4 - inset, paint)
-        if size >= ROTORS_FROM:
-            pen.disc((0, 0), body - inset, paint)
-    if size >= BLADES_FROM:
-        r, g, b = ((2 * channel + 3 * 255) // 5 for channel in colour)
-        for x, y in CORNERS:
-            pen.disc((0.6 * x, 0.6 * y), 0.28, (r, g, b))
-            blade = [(0.6 * x - 0.2, 0.6 * y + 0.14), (0.6 * x + 0.2, 0.6 * y - 0.14)]
-            pen.stroke(blade, 0.07, INK)
-    return pen.finish()
+def drone(size: int, number: int) -> pygame.Surface:
+    """A drone: a disc in its colour, with its number, a dark outline and a light rim."""
+    pen, colour = _Pen(size, WHITE), drone_colour(number)
+    line = max(1.2 * pen.pixel, 0.05)
+    pen.discs((1.0, WHITE), (1.0 - line, INK), (1.0 - 2 * line, colour))
+    disc = pen.finish()
+    text = fitted_line(f"{number}", round(0.84 * size), 0.76 * size, readable_on(colour))
+    disc.blit(text, text.get_rect(center=(size // 2, size // 2)))
+    return disc
 
 
 @lru_cache(maxsize=64)
 def person(size: int) -> pygame.Surface:
-    """A missing person: a figure in a life ring; an orange dot in a white ring if it is small."""
+    """A missing person: a life ring."""
     pen = _Pen(size, INK)
-    line = 1.2 * pen.pixel
-    if size < LIFE_RING_FROM:
-        pen.discs((1.0, INK), (1.0 - line, WHITE), (0.56, INK), (0.46, LIFE_RING))
-        return pen.finish()
-    pen.discs((1.0, WHITE), (1.0 - line, INK), (1.0 - 2 * line, WHITE))
-    for middle in (45, 135, 225, 315):
-        angles = [math.radians(angle) for angle in range(middle - 24, middle + 25, 4)]
-        reach = 1 - 2 * line
-        arc = [(reach * math.cos(angle), reach * math.sin(angle)) for angle in angles]
-        pen.polygon([(0, 0), *arc], LIFE_RING)
-    pen.discs((0.6 + line, INK), (0.6, WATER))
-    for side in (-1, 1):
-        pen.stroke([(0.2 * side, 0.2), (0.36 * side, -0.26)], 0.13, SKIN)
-    pen.stroke([(-0.17, 0.26), (0.17, 0.26)], 0.3, LIFE_RING)
-    pen.disc((0, -0.08), 0.24, INK)
-    pen.disc((0, -0.08), 0.2, SKIN)
+    line = max(pen.pixel, 0.05)
+    pen.discs((1.0, INK), (1.0 - line, LIFE_RING))
+    for x, y in ((0.7, 0.0), (0.0, 0.7)):
+        pen.stroke([(-x, -y), (x, y)], 0.5, WHITE)
+    pen.discs((0.44 + line, INK), (0.44, WATER))
     return pen.finish()
 
 
 @lru_cache(maxsize=512)
-def found(size: int, colour: Colour) -> pygame.Surface:
+def found(size: int, number: int) -> pygame.Surface:
     """A found person: a tick on a disc in the colour of the drone that made the find."""
-    pen = _Pen(size, INK)
-    line = pen.pixel
-    pen.discs((1.0, INK), (1.0 - line, WHITE), (1.0 - 2 * line, colour))
+    pen, colour = _Pen(size, INK), drone_colour(number)
+    pen.discs((1.0, INK), (1.0 - pen.pixel, WHITE), (1.0 - 2 * pen.pixel, colour))
     tick = ((-0.396, 0.044), (-0.099, 0.33), (0.418, -0.308))
     pen.stroke(tick, 0.26, readable_on(colour))
     return pen.finish()
@@ -203,9 +175,6 @@ def compass(size: int, vector: tuple[float, float]) -> pygame.Surface:
     """The drift as an arrow in a circle: longer for faster, up to a cell per step."""
     pen = _Pen(size, GREY)
     pen.discs((1.0, GREY), (1.0 - 1.2 * pen.pixel, WHITE))
-    for east, south in ((0, -1), (1, 0), (0, 1), (-1, 0)):
-        ends = [(0.84 * east, 0.84 * south), (0.92 * east, 0.92 * south)]
-        pen.stroke(ends, 1.4 * pen.pixel, GREY)
     speed = math.hypot(*vector)
     if speed == 0.0:
         pen.disc((0, 0), 0.1, INK)

@@ -6,7 +6,7 @@ import contextlib
 import itertools
 import subprocess
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch.frame import Frame
 
 if TYPE_CHECKING:
+    from DroneSwarmSearch.rendering.film import Film
     from DroneSwarmSearch.rendering.painter import Painter
 
 SUFFIXES = (".gif", ".mp4")
@@ -31,8 +32,8 @@ PALETTE = "[0]palettegen[palette];[1][palette]paletteuse=dither=none:diff_mode=r
 
 def write_video(
     path: Path,
-    painter: Painter,
     frames: Iterable[Frame],
+    painter_of: Callable[[Sequence[Frame]], Painter | Film],
     *,
     fps: float,
     hold: float,
@@ -40,19 +41,19 @@ def write_video(
 ) -> None:
     """Write the frames of consecutive steps as a smooth video; `fps` is in steps per second.
 
-    The first frame is taken after all checks. Otherwise as `write_pictures`.
+    `painter_of` makes a painter for all frames. The first one is taken after all checks. Otherwise
+    as `write_pictures`.
     """
     per_step = max(1, round(SMOOTH / fps))
 
     def pictures() -> Iterator[NDArray[np.uint8]]:
-        left = iter(frames)
-        frame = next(left)
-        yield painter.pixels(frame)
-        for following in left:
+        played = list(frames)
+        painter = painter_of(played)
+        yield painter.pixels(played[0])
+        for frame, following in itertools.pairwise(played):
             for part in range(1, per_step):
                 yield painter.pixels(frame, towards=following, progress=part / per_step)
             yield painter.pixels(following)
-            frame = following
 
     write_pictures(path, pictures(), fps=fps * per_step, hold=hold, gif_width=gif_width)
 

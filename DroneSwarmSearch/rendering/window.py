@@ -7,7 +7,7 @@ import os
 import pygame
 
 from DroneSwarmSearch.rendering import sprites
-from DroneSwarmSearch.rendering.palette import PAPER, Look
+from DroneSwarmSearch.rendering.palette import PAPER
 
 DESKTOP_SHARE = 0.92  # taken by a window too large for the desktop; the rest is for title bars
 HIDDEN_DRIVERS = ("dummy", "offscreen")
@@ -57,7 +57,7 @@ class Window:
                 " SDL_VIDEODRIVER=dummy to run without a screen"
             ) from error
         pygame.display.set_caption("Drone swarm search")
-        pygame.display.set_icon(sprites.drone(32, Look().drone(0)))
+        pygame.display.set_icon(sprites.person(32))
 
     def draw(self, picture: pygame.Surface) -> None:
         """Show a picture in the open window, scaled to fit it."""

@@ -16,11 +16,14 @@ const TRAIL = 22, FADE = 45;  // steps for which trails and marks of searches la
 const STRIP = 30, GAP = 14;  // CSS pixels: the legend below a map, the space between maps
 const VIEWS = {prior: "Prior", posterior: "Posterior", both: "Both"};
 
+const INK = "rgb(24 32 44)";
+
 const stillness = matchMedia("(prefers-reduced-motion: reduce)");
 const darkness = matchMedia("(prefers-color-scheme: dark)");
 const percent = share => `${(100 * share).toFixed(1)}%`;
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const rgb = ([r, g, b], alpha = 1) => `rgb(${r} ${g} ${b} / ${alpha})`;
+const colourOf = drone => INDEX.colours.drones[drone % INDEX.colours.drones.length];
 const mix = (one, other, part) => one + (other - one) * part;
 
 // Files.
@@ -376,7 +379,7 @@ function drawSearched(context, at, centre, cell, scale) {
     for (let done = 1; done <= now; done++) {
       if (Number(actions[done - 1]) !== SEARCH) continue;
       const [x, y] = centre(episode.drones[drone][done]), alpha = mix(0.85, 0.16, clamp((at - done) / FADE, 0, 1));
-      context.fillStyle = rgb(INDEX.colours.drones[drone % INDEX.colours.drones.length], alpha);
+      context.fillStyle = rgb(colourOf(drone), alpha);
       context.beginPath();
       context.arc(x, y, Math.max(0.17 * cell, 1.4 * scale), 0, 7);
       context.fill();
@@ -394,7 +397,7 @@ function drawTrail(context, path, at, centre, drone, cell, scale) {
   context.lineWidth = Math.max(0.13 * cell, 1.6 * scale);
   for (let place = from; place <= now; place++) {
     const end = place === now ? position(path, at) : path[place + 1];
-    context.strokeStyle = rgb(INDEX.colours.drones[drone % INDEX.colours.drones.length], clamp(1 - (at - place) / TRAIL, 0, 1) * 0.8);
+    context.strokeStyle = rgb(colourOf(drone), clamp(1 - (at - place) / TRAIL, 0, 1) * 0.8);
     context.beginPath();
     context.moveTo(...centre(path[place]));
     context.lineTo(...centre(end));
@@ -403,7 +406,7 @@ function drawTrail(context, path, at, centre, drone, cell, scale) {
 }
 
 function drawDrone(context, path, at, centre, drone, cell, scale) {
-  const colour = INDEX.colours.drones[drone % INDEX.colours.drones.length], radius = Math.max(0.48 * cell, 7 * scale);
+  const colour = colourOf(drone), radius = Math.max(0.48 * cell, 9.5 * scale);
   const action = Number(episode.actions[drone][Math.floor(at)]), part = at - Math.floor(at);
   context.save();
   context.translate(...centre(position(path, at)));
@@ -414,27 +417,19 @@ function drawDrone(context, path, at, centre, drone, cell, scale) {
     context.arc(0, 0, radius * mix(0.8, 2, part), 0, 7);
     context.stroke();
   }
-  const arm = 0.62 * radius, rotor = 0.46 * radius;
-  context.strokeStyle = "rgb(12 18 30)";
-  context.lineWidth = 0.2 * radius;
-  context.beginPath();
-  for (const sign of [-1, 1]) context.moveTo(-arm, -sign * arm), context.lineTo(arm, sign * arm);
-  context.stroke();
-  for (const [x, y] of [[-arm, -arm], [arm, -arm], [-arm, arm], [arm, arm]]) {
+  const edge = Math.max(1.2 * scale, 0.08 * radius);
+  for (const [reach, paint] of [[radius, "#fff"], [radius - edge, INK], [radius - 2 * edge, rgb(colour)]]) {
     context.beginPath();
-    context.arc(x, y, rotor, 0, 7);
-    context.fillStyle = rgb(colour);
+    context.arc(0, 0, reach, 0, 7);
+    context.fillStyle = paint;
     context.fill();
-    context.lineWidth = 1.2 * scale;
-    context.strokeStyle = "rgb(12 18 30 / .9)";
-    context.stroke();
   }
-  context.beginPath();
-  context.arc(0, 0, 0.34 * radius, 0, 7);
-  context.fillStyle = "#fff";
-  context.fill();
-  context.lineWidth = 1.2 * scale;
-  context.stroke();
+  const [r, g, b] = colour;
+  context.fillStyle = 0.299 * r + 0.587 * g + 0.114 * b > 140 ? INK : "#fff";
+  context.font = `600 ${(drone < 10 ? 1.25 : 1) * radius}px ${theme.font}`;
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  context.fillText(drone, 0, 0.06 * radius);
   context.restore();
 }
 
@@ -442,7 +437,7 @@ function drawDrone(context, path, at, centre, drone, cell, scale) {
 function drawPerson(context, person, at, centre, cell, scale) {
   const isNow = person.found_by !== null && at >= person.path.length - 1;
   if (!shown.person && !isNow && at < episode.steps) return;
-  const radius = Math.max(0.42 * cell, 7.5 * scale);
+  const radius = Math.max(0.42 * cell, 9 * scale);
   context.save();
   context.translate(...centre(position(person.path, at)));
   if (isNow) {
