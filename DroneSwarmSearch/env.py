@@ -204,9 +204,7 @@ class DroneSwarmSearch(SearchSpaces):
 
         Raises:
             TypeError: an argument is of the wrong type.
-            ValueError: an argument is out of its limits.
-            RuntimeError: render_mode is "human", and no window can be opened. Errors leave
-                the environment unchanged.
+            ValueError: an argument is out of its limits. Errors leave the environment unchanged.
         """
         if seed is not None:
             seed = checks.integer("seed", seed, 0)

@@ -32,7 +32,7 @@ __all__ = ["SingleDroneEnv"]
 class SingleDroneEnv(gymnasium.Env[Any, int]):
     """`DroneSwarmSearch` with one drone, as a Gymnasium environment.
 
-    `import DroneSwarmSearch` registers it::
+    `import DroneSwarmSearch` registers it; "DroneSwarmSearch:DroneSwarmSearch-v0" also imports::
 
         env = gymnasium.make("DroneSwarmSearch-v0", grid_size=10, bayesian_update=True)
 

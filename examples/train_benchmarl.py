@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import math
 import warnings
+from os.path import relpath
 from pathlib import Path
 
 import torch
@@ -22,7 +23,7 @@ from benchmarl.models.mlp import MlpConfig
 from tensordict import TensorDictBase
 from torch import nn
 
-from DroneSwarmSearch import training
+from DroneSwarmSearch import Scenario, training
 from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.adapters.benchmarl import SearchTask
 from DroneSwarmSearch.adapters.torchrl import logits
@@ -55,6 +56,30 @@ class Annealing(Callback):
             optimiser.param_groups[0]["lr"] = LEARNING_RATE * left
 
 
+class Curve(Callback):
+    """Logs the learning curve; BenchMARL's own logs have more columns."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+
+    def on_batch_collected(self, batch: TensorDictBase) -> None:
+        logged = self.experiment.task.log_info(batch)
+        steps = (self.experiment.n_iters_performed + 1) * BATCH
+        found = logged["collection/probability_of_success"]
+        training.log_row(self._path, steps=steps, found=found)
+
+
+class Trained(TrainedPolicy):
+    """The saved policy, for `evaluate`, `record` and `play`; it samples actions."""
+
+    def __init__(self, scenario: Scenario, path: str) -> None:
+        torch.set_num_threads(1)
+        policy = torch.load(path, weights_only=False)
+        view = View("drone", action_mask=True, bayesian_update=True, **SHOWN)
+        super().__init__(logits(policy, scenario.n_drones), view=view)
+
+
 def make_config(folder: Path, steps: int) -> ExperimentConfig:
     """BenchMARL's defaults, adapted to a small task and a CPU."""
     config = ExperimentConfig.get_from_yaml()
@@ -80,7 +105,7 @@ def main() -> None:
     )
     parser.add_argument("--steps", type=int, default=400_000, help="environment steps in all")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
     parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
     options = parser.parse_args()
     if options.out.exists():
@@ -98,18 +123,18 @@ def main() -> None:
         critic_model_config=of_state if options.algorithm == "mappo" else None,
         seed=options.seed,
         config=make_config(options.out, options.steps),
-        callbacks=[Annealing()],
+        callbacks=[Annealing(), Curve(options.out / "curve.csv")],
     )
     experiment.run()
-    training.compare_with_baselines(
-        # Samples actions, as in training.
-        TrainedPolicy(logits(experiment.policy, TRAINING_TASK["n_drones"])),
+    torch.save(experiment.policy, options.out / "policy.pt")
+    _, *baselines = training.compare_with_baselines(
+        f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}",
         TRAINING_TASK,
-        view=View("drone", action_mask=True, **SHOWN),
         episodes=options.episodes,
         name=f"benchmarl-{options.algorithm}",
         folder=options.out,
     )
+    training.plot_curve(options.out / "curve.csv", baselines=baselines)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from os.path import relpath
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,9 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from DroneSwarmSearch import Action, training
-from DroneSwarmSearch.evaluation import View, search
+from DroneSwarmSearch import Action, RewardScheme, Scenario, training
+from DroneSwarmSearch.adapters import TrainedPolicy
+from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, View, evaluate, search
 from DroneSwarmSearch.vector import DroneVectorEnv
 
 INPUTS, GRID_SIZE, DRONES, SWARMS = 202, 25, 4, 256
@@ -33,6 +35,7 @@ NUM_STEPS, UPDATE_EPOCHS, MINIBATCH_SIZE, HIDDEN = 32, 3, 4096, 64
 LEARNING_RATE, ENT_COEF = 3e-3, 0.003  # at the start; annealed
 GAMMA, GAE_LAMBDA, CLIP_COEF, VF_COEF, MAX_GRAD_NORM = 0.99, 0.95, 0.2, 30.0, 0.5
 TEST_SEARCH = "classic"  # of the evaluation suite, for the comparison with the baselines
+TEST_SEED = 10_000_000  # of random searches for the baselines; training starts from small seeds
 
 
 def sampler(rng: np.random.Generator) -> dict[str, Any]:
@@ -47,9 +50,9 @@ def sampler(rng: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def make_envs() -> DroneVectorEnv:
+def make_envs(searches: int) -> DroneVectorEnv:
     return DroneVectorEnv(
-        SWARMS,
+        searches,
         observation="crops",
         action_mask="observation",
         right_of_way=True,
@@ -89,10 +92,21 @@ class Agent(nn.Module):
         step = {"obs": obs, "masks": masks, "actions": actions}
         return {**step, "logprobs": chosen, "values": values}
 
-    def policy(self, observations: dict[str, NDArray[Any]]) -> NDArray[np.int64]:
-        """Only the actions, for `evaluate`."""
-        actions: NDArray[np.int64] = self.act(observations)["actions"].numpy()
-        return actions
+
+class Trained(TrainedPolicy):
+    """The policy of a checkpoint, for `evaluate`, `record` and `play`."""
+
+    def __init__(self, scenario: Scenario, checkpoint: str) -> None:
+        torch.set_num_threads(1)
+        agent = Agent()
+        agent.load_state_dict(torch.load(checkpoint, weights_only=True)["agent"])
+
+        def logits(observations: dict[str, NDArray[Any]]) -> NDArray[Any]:
+            names = "observation", "action_mask"
+            with torch.no_grad():
+                return agent(*(torch.from_numpy(observations[key]) for key in names))[0].numpy().T
+
+        super().__init__(logits, view=View("drone", "crops", True, True, bayesian_update=True))
 
 
 def rollout(
@@ -167,7 +181,7 @@ def train(agent: Agent, options: argparse.Namespace) -> None:
         steps, seconds = state["steps"], state["seconds"]
         torch.manual_seed(options.seed + steps)
     started = time.monotonic() - seconds
-    envs = make_envs()
+    envs = make_envs(SWARMS)
     # A resumed training plays new searches.
     observations, _ = envs.reset(seed=options.seed + steps)
     data: dict[str, torch.Tensor] = {}
@@ -184,8 +198,28 @@ def train(agent: Agent, options: argparse.Namespace) -> None:
             found = float(np.mean(ended))
             training.log_row(curve, steps=steps, seconds=seconds, found=found, entropy=entropy)
             ended = []
-    if curve.exists():
-        training.plot_curve(curve)
+
+
+def random_searches(count: int) -> list[NamedSearch]:
+    """Searches for a person, drawn like those in training."""
+    envs, found = make_envs(count), []
+    envs.reset(seed=TEST_SEED)
+    for row in range(count):
+        scenario = envs.batch.scenario_of(row).replace(
+            mission="rescue", reward_scheme=RewardScheme(), bayesian_update=False
+        )
+        drones = tuple((x, y) for x, y in envs.batch.positions[row].tolist())
+        found.append(NamedSearch(f"random-{row}", "A random search.", scenario, drones))
+    return found
+
+
+def baselines(searches: list[NamedSearch]) -> list[Evaluation]:
+    """Evaluations of policies of the package; one episode gives their exact success."""
+    return [
+        evaluate(name, each, episodes=1, progress=False)
+        for name in ("random", "greedy-matrix", "greedy-posterior")
+        for each in searches
+    ]
 
 
 def main() -> None:
@@ -194,7 +228,7 @@ def main() -> None:
     parser.add_argument("--resume", action="store_true", help="continue from its checkpoint")
     parser.add_argument("--steps", type=int, default=16_000_000, help="environment steps in all")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
     parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
     options = parser.parse_args()
     if options.resume != (options.out / "checkpoint.pt").exists():
@@ -202,16 +236,16 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(options.threads)
     torch.manual_seed(options.seed)
-    agent = Agent()
     try:
-        train(agent, options)
+        train(Agent(), options)
     except KeyboardInterrupt:
         raise SystemExit("\ninterrupted: --resume continues from the last update") from None
+    if (curve := options.out / "curve.csv").exists():
+        training.plot_curve(curve, baselines=baselines(random_searches(50)))
     print(f'\nOn the search "{TEST_SEARCH}", which is not part of the training:')
     training.compare_with_baselines(
-        agent.policy,
+        f"{relpath(__file__)}:Trained:{options.out / 'checkpoint.pt'}",
         search(TEST_SEARCH).with_posterior(True).parameters,
-        view=View("drone", "crops", action_mask=True, right_of_way=True),
         episodes=options.episodes,
         name="ppo",
         folder=options.out,

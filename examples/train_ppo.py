@@ -38,9 +38,8 @@ from ppo_searches import draw_searches, held_out_searches, mean_success
 from torch import nn
 
 from DroneSwarmSearch import Action, training
-from DroneSwarmSearch.evaluation import search
+from DroneSwarmSearch.evaluation import evaluate, search
 from DroneSwarmSearch.layouts.masks import choose_in_turn
-from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.arrivals import BASELINE, INPUTS, TURNS, VIEWS
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
 
@@ -270,7 +269,6 @@ def train(options: argparse.Namespace) -> Path:
     agent = Agent()
     optimizer = torch.optim.Adam(agent.parameters(), eps=1e-5)
     held_out = held_out_searches(HELD_OUT)
-    levels = {name: mean_success(partial(make, name), held_out) for name in BASELINES}
     rng = np.random.default_rng([options.seed, 0])
     batches = [new_batch(rng) for _ in range(BATCHES)]
     steps = updates = 0
@@ -285,8 +283,9 @@ def train(options: argparse.Namespace) -> Path:
         if updates == 1 or updates % EVALUATION == 0:
             alone = partial(PPOPolicy, weights=weights, samples=None)
             row["held-out"] = mean_success(alone, held_out)
-        training.log_row(curve, **row, **levels)
-    training.plot_curve(curve, columns=["found", "held-out"])
+        training.log_row(curve, **row)
+    baselines = [evaluate(name, each, episodes=1) for name in BASELINES for each in held_out]
+    training.plot_curve(curve, columns=["held-out"], baselines=baselines)
     return weights
 
 
@@ -295,7 +294,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of the training")
     parser.add_argument("--steps", type=int, default=180_000, help="environment steps in all")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
     parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
     options = parser.parse_args()
     if options.out.exists():
@@ -303,12 +302,10 @@ def main() -> None:
     options.out.mkdir(parents=True)
     torch.set_num_threads(options.threads)
     weights = train(options)
-    test = search(TEST_SEARCH)
     print(f'\nOn the search "{TEST_SEARCH}", which is not part of the training:\n')
     training.compare_with_baselines(
-        PPOPolicy(test.scenario, weights),
-        test.parameters,
-        view="swarm",
+        str(weights),
+        search(TEST_SEARCH).parameters,
         episodes=options.episodes,
         name="ppo",
         folder=options.out,

@@ -14,6 +14,7 @@ the folder.
 from __future__ import annotations
 
 import argparse
+from os.path import relpath
 from pathlib import Path
 
 import ray
@@ -24,7 +25,7 @@ from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
 
-from DroneSwarmSearch import training
+from DroneSwarmSearch import Scenario, training
 from DroneSwarmSearch.adapters import TrainedPolicy, rllib
 from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
@@ -72,8 +73,17 @@ def build_algorithm(options: argparse.Namespace) -> Algorithm:
     return config.build_algo()
 
 
-def train(options: argparse.Namespace) -> Path:
-    """Train for all steps; returns the path of the checkpoint."""
+class Trained(TrainedPolicy):
+    """The network of a checkpoint, for `evaluate`, `record` and `play`; it samples actions."""
+
+    def __init__(self, scenario: Scenario, checkpoint: str) -> None:
+        torch.set_num_threads(1)
+        view = View("drone", LAYOUT, action_mask=True, right_of_way=True, bayesian_update=True)
+        super().__init__(rllib.logits(checkpoint), view=view)
+
+
+def train(options: argparse.Namespace) -> None:
+    """Train for all steps, and save a checkpoint."""
     checkpoint = options.out.absolute() / "checkpoint"
     algorithm, steps = build_algorithm(options), 0
     while steps < options.steps:
@@ -84,8 +94,6 @@ def train(options: argparse.Namespace) -> Path:
             training.log_row(options.out / "curve.csv", steps=steps, found=found)
         algorithm.save_to_path(checkpoint)
     algorithm.stop()
-    training.plot_curve(options.out / "curve.csv")
-    return checkpoint
 
 
 def main() -> None:
@@ -102,7 +110,7 @@ def main() -> None:
     )
     parser.add_argument("--steps", type=int, default=300_000, help="environment steps in all")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
     parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
     options = parser.parse_args()
     if options.out.exists():
@@ -111,17 +119,17 @@ def main() -> None:
     torch.set_num_threads(options.threads)
     ray.init(address=options.address, log_to_driver=False, logging_level="error")
     try:
-        checkpoint = train(options)
+        train(options)
     finally:
         ray.shutdown()
-    training.compare_with_baselines(
-        TrainedPolicy(rllib.logits(checkpoint)),  # samples actions, as in training
+    _, *baselines = training.compare_with_baselines(
+        f"{relpath(__file__)}:Trained:{options.out / 'checkpoint'}",
         TRAINING_TASK,
-        view=View("drone", LAYOUT, action_mask=True, right_of_way=True),
         episodes=options.episodes,
         name="rllib-ppo",
         folder=options.out,
     )
+    training.plot_curve(options.out / "curve.csv", baselines=baselines)
 
 
 if __name__ == "__main__":

@@ -21,9 +21,7 @@ from stable_baselines3.common.logger import CSVOutputFormat, Logger
 from stable_baselines3.common.vec_env import VecMonitor
 
 from DroneSwarmSearch import training
-from DroneSwarmSearch.adapters import TrainedPolicy
-from DroneSwarmSearch.adapters.sb3 import LogSuccess, SB3VecEnv, logits
-from DroneSwarmSearch.evaluation import View
+from DroneSwarmSearch.adapters.sb3 import LogSuccess, SB3VecEnv
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
 
@@ -58,8 +56,8 @@ def make_env() -> VecMonitor:
     return VecMonitor(SB3VecEnv(drones))
 
 
-def train(options: argparse.Namespace) -> MaskablePPO:
-    """Train for all steps that are left; returns the model."""
+def train(options: argparse.Namespace) -> None:
+    """Train for all steps that are left, and save the model."""
     env, folder = make_env(), options.out
     if options.resume:
         newest = max(folder.glob("model*.zip"), key=lambda path: path.stat().st_mtime)
@@ -75,12 +73,6 @@ def train(options: argparse.Namespace) -> MaskablePPO:
     if remaining > 0:
         model.learn(remaining, callbacks, reset_num_timesteps=not options.resume)
     model.save(folder / "model.zip")
-    training.plot_curve(
-        *sorted(folder.glob("progress_*.csv")),
-        steps="time/total_timesteps",
-        columns=["rollout/probability_of_success"],
-    )
-    return model
 
 
 def main() -> None:
@@ -89,21 +81,26 @@ def main() -> None:
     parser.add_argument("--resume", action="store_true", help="continue from its last checkpoint")
     parser.add_argument("--steps", type=int, default=400_000, help="environment steps in all")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
     parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
     options = parser.parse_args()
     if options.resume != any(options.out.glob("model*.zip")):
         parser.error(f"{options.out} holds {'no' if options.resume else 'a'} training to resume")
     options.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(options.threads)
-    model = train(options)
-    training.compare_with_baselines(
-        TrainedPolicy(logits(model)),  # samples actions, as in training
+    train(options)
+    _, *baselines = training.compare_with_baselines(
+        str(options.out / "model.zip"),  # samples actions, as in training
         TRAINING_TASK,
-        view=View("drone", "crops", action_mask=True, right_of_way=True),
         episodes=options.episodes,
         name="maskable-ppo",
         folder=options.out,
+    )
+    training.plot_curve(
+        *sorted(options.out.glob("progress_*.csv")),
+        steps="time/total_timesteps",
+        columns=["rollout/probability_of_success"],
+        baselines=baselines,
     )
 
 

@@ -9,6 +9,7 @@ Every drone of every search is a sub-environment, and all share one network. Mas
 from __future__ import annotations
 
 import argparse
+from os.path import relpath
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from tianshou.data import Collector, VectorReplayBuffer
 from tianshou.utils.net.common import Net
 from tianshou.utils.torch_utils import policy_within_training_step
 
-from DroneSwarmSearch import training
+from DroneSwarmSearch import Scenario, training
 from DroneSwarmSearch.adapters import TrainedPolicy, tianshou
 from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
@@ -70,8 +71,19 @@ def make_ppo(envs: tianshou.DroneVenv) -> PPO:
     )
 
 
-def train(options: argparse.Namespace) -> PPO:
-    """Train for all steps; returns the algorithm."""
+class Trained(TrainedPolicy):
+    """The saved network, for `evaluate`, `record` and `play`; it samples actions."""
+
+    def __init__(self, scenario: Scenario, path: str) -> None:
+        torch.set_num_threads(1)
+        ppo = make_ppo(make_envs(1))
+        ppo.load_state_dict(torch.load(path))
+        view = View("drone", LAYOUT, action_mask=True, right_of_way=True, bayesian_update=True)
+        super().__init__(tianshou.logits(ppo.policy), view=view)
+
+
+def train(options: argparse.Namespace) -> None:
+    """Train for all steps, and save the network."""
     torch.manual_seed(options.seed)
     np.random.seed(options.seed)  # for the order of minibatches
     envs = make_envs(options.num_envs)
@@ -91,8 +103,6 @@ def train(options: argparse.Namespace) -> PPO:
             found = float(np.mean(stats.probabilities))
             training.log_row(options.out / "curve.csv", steps=steps, found=found)
         torch.save(ppo.state_dict(), options.out / "model.pt")
-    training.plot_curve(options.out / "curve.csv")
-    return ppo
 
 
 def main() -> None:
@@ -101,22 +111,22 @@ def main() -> None:
     parser.add_argument("--num-envs", type=int, default=64, help="searches in the batch (64)")
     parser.add_argument("--steps", type=int, default=300_000, help="environment steps in all")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
     parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
     options = parser.parse_args()
     if options.out.exists():
         parser.error(f"{options.out} exists: choose another folder")
     options.out.mkdir(parents=True)
     torch.set_num_threads(options.threads)
-    ppo = train(options)
-    training.compare_with_baselines(
-        TrainedPolicy(tianshou.logits(ppo.policy)),  # samples actions, as in training
+    train(options)
+    _, *baselines = training.compare_with_baselines(
+        f"{relpath(__file__)}:Trained:{options.out / 'model.pt'}",
         TRAINING_TASK,
-        view=View("drone", LAYOUT, action_mask=True, right_of_way=True),
         episodes=options.episodes,
         name="tianshou-ppo",
         folder=options.out,
     )
+    training.plot_curve(options.out / "curve.csv", baselines=baselines)
 
 
 if __name__ == "__main__":

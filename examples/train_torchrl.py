@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import warnings
+from os.path import relpath
 from pathlib import Path
 
 import torch
@@ -22,7 +23,7 @@ from torchrl.envs import RewardSum, TransformedEnv
 from torchrl.modules import MLP
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
-from DroneSwarmSearch import Action, training
+from DroneSwarmSearch import Action, Scenario, training
 from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.adapters.torchrl import (
     LOGITS,
@@ -68,6 +69,23 @@ class WithState(nn.Module):
         return self.network(seen)
 
 
+def make_policy() -> TensorDictModule:
+    """The drones' policy; the first observations determine the number of inputs."""
+    network = TensorDictModule(MLP(out_features=len(Action), **LAYERS), [OBSERVATION], [LOGITS])
+    return masked_policy(network)
+
+
+class Trained(TrainedPolicy):
+    """The saved network, for `evaluate`, `record` and `play`; it samples actions."""
+
+    def __init__(self, scenario: Scenario, path: str) -> None:
+        torch.set_num_threads(1)
+        policy = make_policy()
+        policy.load_state_dict(torch.load(path))
+        view = View("drone", action_mask=True, bayesian_update=True, **SHOWN)
+        super().__init__(logits(policy, scenario.n_drones), view=view)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Train drones with TorchRL's PPO.")
     parser.add_argument("--out", type=Path, required=True, help="folder of the training")
@@ -75,7 +93,7 @@ def main() -> None:
     parser.add_argument("--critic", choices=["local", "central"], default="local", help=sees)
     parser.add_argument("--steps", type=int, default=400_000, help="environment steps in all")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; one is often fastest")
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
     parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
     options = parser.parse_args()
     if options.out.exists():
@@ -86,8 +104,7 @@ def main() -> None:
     central = options.critic == "central"
     env = SearchEnv(NUM_SWARMS, state=central, **MISSION, **SHOWN, **TRAINING_TASK)
     env.set_seed(options.seed)
-    network = TensorDictModule(MLP(out_features=len(Action), **LAYERS), [OBSERVATION], [LOGITS])
-    policy = masked_policy(network)
+    policy = make_policy()
     seen = [OBSERVATION, STATE] if central else [OBSERVATION]
     critic = TensorDictModule(WithState(), seen, [VALUE])
     critic(policy(env.reset()))  # determines the numbers of inputs
@@ -120,16 +137,14 @@ def main() -> None:
         training.log_row(options.out / "curve.csv", steps=(number + 1) * BATCH, **metrics)
         torch.save(policy.state_dict(), options.out / "policy.pt")
     collector.shutdown()
-    training.plot_curve(options.out / "curve.csv")
-    training.compare_with_baselines(
-        # Samples actions, as in training.
-        TrainedPolicy(logits(policy, TRAINING_TASK["n_drones"])),
+    _, *baselines = training.compare_with_baselines(
+        f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}",
         TRAINING_TASK,
-        view=View("drone", action_mask=True, **SHOWN),
         episodes=options.episodes,
         name="torchrl-ppo",
         folder=options.out,
     )
+    training.plot_curve(options.out / "curve.csv", baselines=baselines)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+import pygame
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
@@ -78,6 +79,13 @@ def test_gymnasiums_checker_passes(
     check_env(env.unwrapped)
     assert isinstance(env.unwrapped, SingleDroneEnv)
     assert env.spec is not None and env.spec.id == ID
+
+
+def test_gymnasiums_checker_passes_without_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
+    pygame.quit()
+    monkeypatch.setenv("SDL_VIDEODRIVER", "there_is_no_such_driver")
+    with pytest.warns(UserWarning, match="no window can be opened"):
+        check_env(gymnasium.make(ID).unwrapped)
 
 
 @all_arguments
@@ -228,6 +236,17 @@ def test_the_signature_shows_every_keyword() -> None:
             assert shown[name].default == parameter.default
     defaults = {name: parameter.default for name, parameter in shown.items()}
     assert [*episodes(SingleDroneEnv(**defaults), 2)] == [*episodes(SingleDroneEnv(), 2)]
+
+
+def test_the_id_with_the_module_needs_no_import() -> None:
+    program = """
+import gymnasium
+env = gymnasium.make("DroneSwarmSearch:DroneSwarmSearch-v0", grid_size=5)
+envs = gymnasium.make_vec("DroneSwarmSearch:DroneSwarmSearch-v0", num_envs=3, grid_size=5)
+print(env.reset(seed=1)[0].shape, envs.reset(seed=1)[0].shape, type(envs).__name__)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout == "(28,) (3, 28) DroneVectorEnv\n", done.stderr
 
 
 def test_reloading_the_package_does_not_warn() -> None:

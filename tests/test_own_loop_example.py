@@ -21,7 +21,7 @@ def example() -> ModuleType:
 
 def test_rollouts_hold_masked_actions_and_expected_rewards(example: ModuleType) -> None:
     torch.manual_seed(0)
-    envs, agent, data, ended = example.make_envs(), example.Agent(), {}, []
+    envs, agent, data, ended = example.make_envs(6), example.Agent(), {}, []
     observations, _ = envs.reset(seed=0)
     total = 0.0
     for _ in range(3):  # an episode has 80 steps

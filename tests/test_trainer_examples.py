@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import signal
 import subprocess
 import sys
@@ -56,15 +57,20 @@ def test_it_trains_and_compares(
     assert "20 episodes, the same for all policies" in output
     assert rows(folder / "evaluation.csv")[0]["policy"] == policy
     assert float(rows(folder / "evaluation.csv")[0]["success"]) > 0
-    if "benchmarl" in policy:  # it has loggers and files of its own
+    assert (folder / "curve.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "video.gif").read_bytes().startswith(b"GIF89a")
+    if "benchmarl" in policy:  # it also has loggers of its own
         [logged] = folder.rglob("collection_probability_of_success.csv")
         assert len(logged.read_text("utf-8").splitlines()) == 2
-        return
-    [plot] = folder.glob("*.png")
-    assert plot.read_bytes().startswith(b"\x89PNG")
-    steps = "time/total_timesteps" if script == "train_sb3.py" else "steps"
-    counts = [int(row[steps]) for row in rows(plot.with_suffix(".csv"))]
+    log, steps = "curve.csv", "steps"
+    if script == "train_sb3.py":
+        log, steps = "progress_000000000.csv", "time/total_timesteps"
+    counts = [int(row[steps]) for row in rows(folder / log)]
     assert counts == sorted(set(counts)) and counts[-1] >= 4_000
+    command = re.search(r"python -m DroneSwarmSearch (play .*)", output)
+    assert command is not None
+    played = python("-m", "DroneSwarmSearch", *command[1].split(), "--text", "--seed", 1)
+    assert "probability of success" in played
 
 
 @pytest.mark.parametrize(

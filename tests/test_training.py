@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import Action, training
+from DroneSwarmSearch import Action, Scenario, cli, training
 from DroneSwarmSearch.adapters import TrainedPolicy
-from DroneSwarmSearch.evaluation import View
+from DroneSwarmSearch.evaluation import View, evaluate, search
 from DroneSwarmSearch.training.curve import read_columns
 
 ROOT = Path(__file__).parents[1]
@@ -29,15 +29,30 @@ def test_rows_are_appended_and_printed(tmp_path: Path, capsys: pytest.CaptureFix
     assert columns["found"].tolist() == pytest.approx([math.nan, 1 / 3], abs=1e-6, nan_ok=True)
 
 
-def test_curves_are_plotted(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
+def test_curves_are_plotted_with_the_baselines(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figure = pytest.importorskip("matplotlib.figure").Figure
+    drawn, savefig = [], figure.savefig
+    monkeypatch.setattr(
+        figure, "savefig", lambda self, *args, **how: drawn.append(self) or savefig(self, *args)
+    )
     paths = [tmp_path / "first.csv", tmp_path / "second.csv"]
     for number, path in enumerate(paths):
-        for step in range(30 * number, 30 * number + 30):
-            loss = math.nan if step % 2 else step / 60
-            training.log_row(path, steps=step, found=step / 60, loss=loss)
-    training.plot_curve(*paths, columns=["found", "loss"])
-    assert (tmp_path / "first.png").read_bytes().startswith(b"\x89PNG")
+        for step in range(40 * number, 40 * number + 40):
+            other = math.nan if step % 2 else step / 160
+            training.log_row(path, steps=step, **{"a/found_here": step / 80, "other": other})
+    searches = [Scenario(**{**SMALL, "person_initial_position": (x, 0)}) for x in (2, 4)]
+    baselines = [evaluate("greedy-matrix", each, episodes=2, progress=False) for each in searches]
+    training.plot_curve(*paths, columns=["a/found_here", "other"], baselines=baselines)
+    assert (tmp_path / "curve.png").read_bytes().startswith(b"\x89PNG")
+    [axes] = drawn[0].axes
+    mean = 50 * sum(each.success.value for each in baselines)
+    labelled = {line.get_label(): line for line in axes.lines if line.get_label()[0] != "_"}
+    assert [*labelled] == ["found here", "other", f"greedy-matrix {mean:.1f}%"]
+    assert labelled[f"greedy-matrix {mean:.1f}%"].get_ydata()[0] == pytest.approx(mean / 100)
+    assert {line.get_marker() for line in labelled.values()} >= {"", "o"}  # 40 and 20 rows
+    assert axes.get_xlim()[0] == 0 and axes.get_ylim()[1] <= 1
     with pytest.raises(KeyError, match="reward"):
         training.plot_curve(paths[0], columns=["reward"])
 
@@ -79,8 +94,14 @@ def search_column_two(observations: np.ndarray) -> np.ndarray:
 def test_the_comparison_is_printed_and_saved(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    pytest.importorskip("imageio_ffmpeg")
     trained, *others = training.compare_with_baselines(
-        search_column_two, SMALL, episodes=30, name="mine", folder=tmp_path
+        search_column_two,
+        SMALL,
+        view=View("drone", "flat"),
+        episodes=30,
+        name="mine",
+        folder=tmp_path,
     )
     names = ["mine", "random", "greedy-matrix", "greedy-posterior"]
     assert [each.policy for each in (trained, *others)] == names
@@ -95,16 +116,32 @@ def test_the_comparison_is_printed_and_saved(
         saved = list(csv.DictReader(file))
     assert [row["policy"] for row in saved] == names
     assert {row["episodes"] for row in saved} == {"30"}
+    assert search(str(tmp_path / "search.json")).fingerprint == trained.search.fingerprint
+    assert (tmp_path / "video.gif").read_bytes().startswith(b"GIF89a")
+    assert "--policy" not in shown
+
+
+def test_a_policy_given_as_text_can_be_played(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    training.compare_with_baselines(
+        "greedy-matrix", SMALL, episodes=1, folder=tmp_path, baselines=[]
+    )
+    command = capsys.readouterr().out.splitlines()[-1].partition(": ")[2].split()
+    assert command[:3] == ["python", "-m", "DroneSwarmSearch"]
+    cli.main([*command[3:], "--text"])
+    assert "found" in capsys.readouterr().out
 
 
 def test_the_comparison_accepts_start_cells_and_other_layouts() -> None:
     task = {**SMALL, "drones_positions": [(2, 0), (4, 4)]}
 
-    def search(observations: dict[str, np.ndarray]) -> np.ndarray:
+    def policy(observations: dict[str, np.ndarray]) -> np.ndarray:
         return np.full(len(observations["position"]), Action.SEARCH)
 
     (trained,) = training.compare_with_baselines(
-        search, task, episodes=20, view=View("drone", "dict"), baselines=[]
+        policy, task, episodes=20, view=View("drone"), baselines=[]
     )
     assert trained.search.drones == ((2, 0), (4, 4))
     assert (trained.success.value, trained.time.value) == (1.0, 1.0)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from DroneSwarmSearch.evaluation.recording import record
 from DroneSwarmSearch.evaluation.results import Evaluation, compare, save_csv
 from DroneSwarmSearch.evaluation.run import evaluate
 from DroneSwarmSearch.evaluation.suite import NamedSearch
@@ -35,7 +36,7 @@ def compare_with_baselines(
     policy: object,
     parameters: Mapping[str, Any],
     *,
-    view: View | str = View("drone", "flat"),  # noqa: B008 (it is frozen)
+    view: View | str | None = None,
     episodes: int = 1000,
     name: str = "trained",
     folder: str | Path | None = None,
@@ -44,20 +45,25 @@ def compare_with_baselines(
     """Evaluate a policy and the baselines on the same episodes, and print a table.
 
     Args:
-        policy: a callable from observations to actions, see `evaluation.evaluate`.
+        policy: as for `evaluation.evaluate`.
         parameters: those of `DroneSwarmSearch`, and optionally "drones_positions".
         view: what the policy sees and returns, as for `evaluate`.
         episodes: number of episodes; at least 1.
         name: the policy's name in the table.
-        folder: evaluation.csv is written there, one row per policy.
+        folder: evaluation.csv is written there, one row per policy; search.json, which the
+            commands read as a search; and video.gif, the episode with seed 0. If `policy` is a
+            string, the command that plays that episode in the window is printed.
         baselines: names of policies of the package.
 
     Returns:
         The evaluation of the policy, then those of the baselines in order.
+
+    Raises:
+        ImportError: `folder` is given, and the package of the extra "video" is missing.
     """
     given = dict(parameters)
     drones = given.pop("drones_positions", ())
-    search = NamedSearch("the search", "Of the comparison.", resolve_scenario(**given), drones)
+    search = NamedSearch("task", "Of the comparison.", resolve_scenario(**given), drones)
     trained = evaluate(policy, search, view=view, name=name, episodes=episodes, seed=SEED)
     every = [trained]
     every += [evaluate(each, search, episodes=episodes, seed=SEED) for each in baselines]
@@ -81,4 +87,10 @@ def compare_with_baselines(
     )
     if folder is not None:
         save_csv(Path(folder) / "evaluation.csv", every)
+        search.save(file := Path(folder) / "search.json")
+        video = Path(folder) / "video.gif"
+        record(policy, search, video, view=view, name=name)
+        print(f"\n{video} shows the policy.")
+        if isinstance(policy, str):
+            print(f"To watch it: python -m DroneSwarmSearch play {file} --policy {policy}")
     return every

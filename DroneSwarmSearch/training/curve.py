@@ -6,10 +6,12 @@ import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from statistics import fmean
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch.evaluation.results import Evaluation
 
 
 def log_row(path: str | Path, **values: float) -> None:
@@ -26,37 +28,59 @@ def log_row(path: str | Path, **values: float) -> None:
 
 
 def plot_curve(
-    *paths: str | Path, steps: str = "steps", columns: Sequence[str] = ("found",)
+    *paths: str | Path,
+    steps: str = "steps",
+    columns: Sequence[str] = ("found",),
+    baselines: Sequence[Evaluation] = (),
 ) -> None:
-    """Plot columns of CSV files over the training steps, as a PNG beside the first file.
+    """Plot the success in CSV files over the training steps, as curve.png beside the first file.
 
-    Thin lines show the rows, bold ones their moving means.
+    Thin lines show the rows, bold ones their moving means, and dashed ones the baselines.
 
     Args:
         paths: the files; several are the parts of one training that was resumed.
         steps: the column on the horizontal axis.
-        columns: the columns to plot, one panel each; empty cells are left out.
+        columns: the columns to plot, probabilities of success; empty cells are left out.
+        baselines: evaluations of other policies, of which the mean success per policy is shown.
 
     Raises:
         ImportError: Matplotlib, of the extra "evaluation", is not installed.
     """
     from matplotlib.figure import Figure
-    from matplotlib.ticker import EngFormatter
+    from matplotlib.ticker import EngFormatter, PercentFormatter
 
-    figure = Figure(figsize=(6.4, 2.8 * len(columns)), layout="constrained")
-    panels = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
+    figure = Figure(figsize=(7.6, 3.6), layout="constrained")
+    axes = figure.subplots()
     for path in paths:
         values = read_columns(path)
-        for panel, name in zip(panels, columns, strict=True):
-            known = ~np.isnan(values[name])
-            x, y = values[steps][known], values[name][known]
-            panel.plot(x, y, "C0", alpha=0.25, linewidth=0.8)
-            panel.plot(x, moving_mean(y), "C0", marker="." if len(x) < 10 else "")
-            panel.set_ylabel(name)
-            panel.grid(alpha=0.4)
-    panels[-1].set_xlabel(steps)
-    panels[-1].xaxis.set_major_formatter(EngFormatter(sep=""))
-    figure.savefig(Path(paths[0]).with_suffix(".png"), dpi=150)
+        for number, name in enumerate(columns):
+            known, label = ~np.isnan(values[name]), _tidy(name) if path == paths[0] else None
+            x, y, colour = values[steps][known], values[name][known], f"C{number}"
+            axes.plot(x, y, colour, alpha=0.25, linewidth=0.8)
+            axes.plot(x, moving_mean(y), colour, marker="o" * (len(x) < 30), ms=4, label=label)
+    levels: dict[str, list[float]] = {}
+    for each in baselines:
+        levels.setdefault(each.policy, []).append(each.success.value)
+    for number, (name, found) in enumerate(levels.items()):
+        colour, dashes = f"C{len(columns) + number}", (2, 2 * (len(levels) - 1))
+        label = f"{name} {100 * fmean(found):.1f}%"
+        # The dashes of equal baselines take turns.
+        axes.axhline(fmean(found), color=colour, linestyle=(2 * number, dashes), label=label)
+    axes.set(xlabel=_tidy(steps), ylabel="success")
+    axes.set_xlim(left=0)
+    axes.autoscale_view()  # horizontal lines alone leave no margin
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(max(bottom, 0.0), min(top, 1.0))
+    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.grid(alpha=0.4)
+    figure.legend(loc="outside right upper", frameon=False, handlelength=3)
+    figure.savefig(Path(paths[0]).with_name("curve.png"), dpi=150)
+
+
+def _tidy(column: str) -> str:
+    """The name of a column as a label: "time/total_timesteps" is "total timesteps"."""
+    return column.rpartition("/")[2].replace("_", " ")
 
 
 def read_columns(path: str | Path) -> dict[str, Floats]:

@@ -13,50 +13,27 @@ import argparse
 import csv
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 
-from DroneSwarmSearch import RewardScheme
-from DroneSwarmSearch.evaluation import NamedSearch, evaluate
-from DroneSwarmSearch.vector import DroneVectorEnv
+from DroneSwarmSearch.evaluation import evaluate
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
 import train_own_loop as example
 
-SEED = 10_000_000  # training starts from small seeds
 BASELINES = "random", "greedy-matrix", "greedy-posterior", "greedy-forecast"
-
-
-def random_searches(count: int) -> list[NamedSearch]:
-    """Searches drawn by the training sampler."""
-    envs = started(count)[0]
-    searches = []
-    for row in range(count):
-        scenario = envs.batch.scenario_of(row).replace(
-            mission="rescue", reward_scheme=RewardScheme(), bayesian_update=False
-        )
-        drones = tuple((x, y) for x, y in envs.batch.positions[row].tolist())
-        searches.append(NamedSearch(f"random-{row}", "A random search.", scenario, drones))
-    return searches
-
-
-def started(count: int) -> tuple[DroneVectorEnv, Any]:
-    """Begin the searches in a batch; returns it with the first observations."""
-    example.SWARMS = count
-    envs = example.make_envs()
-    return envs, envs.reset(seed=SEED)[0]
 
 
 def success_of(agent: example.Agent, searches: int, episodes: int) -> list[float]:
     """A network's probability of success in each search and episode."""
     results: list[float] = []
     for _ in range(episodes):
-        envs, observations = started(searches)
+        envs = example.make_envs(searches)
+        observations, _ = envs.reset(seed=example.TEST_SEED)
         success = np.full(envs.num_envs, np.nan)
         while np.isnan(success).any():
-            observations, _, dones, _, infos = envs.step(agent.policy(observations))
+            observations, _, dones, _, infos = envs.step(agent.act(observations)["actions"].numpy())
             if (new := dones & np.isnan(success)).any():  # later episodes are other searches
                 success[new] = infos["final_info"]["probability_of_success"][new]
         results += success.tolist()
@@ -72,7 +49,7 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=20, help="of each network per search (20)")
     parser.add_argument("--csv", type=Path, help="write the success of the package's policies here")
     options = parser.parse_args()
-    searches = random_searches(options.searches)
+    searches = example.random_searches(options.searches)
     rows = []
 
     def report(name: str, found: list[float]) -> float:
