@@ -56,6 +56,8 @@ from DroneSwarmSearch.incident import Incident
 from DroneSwarmSearch.leeway import KNOT, current_towards, wind_from
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
 from DroneSwarmSearch.policies.datum import Datum
+from DroneSwarmSearch.rendering import palette
+from DroneSwarmSearch.rendering.palette import drone_colour
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.training.curve import moving_mean, read_columns
 from DroneSwarmSearch.vector import SwarmVectorEnv
@@ -186,6 +188,16 @@ def style_of(theme: Theme) -> dict[str, Any]:
         "svg.fonttype": "path",  # the same on every machine
         "svg.hashsalt": "DroneSwarmSearch",
     }
+
+
+def mark_drone(axes: Axes, at: Floats, drone: int) -> Floats:
+    """Draw a drone as in the other pictures, a numbered disc; return its colour."""
+    colours = drone_colour(drone), palette.INK, palette.readable_on(drone_colour(drone))
+    colour, ink, number = (np.array(each) / 255 for each in colours)
+    axes.plot(*at, "o", markersize=11, markerfacecolor=colour, markeredgecolor=ink, zorder=5)
+    text: dict[str, Any] = {"ha": "center", "va": "center_baseline", "fontsize": 8, "zorder": 6}
+    axes.text(*at, f"{drone}", color=number, **text)
+    return colour
 
 
 def heat_map(axes: Axes, matrix: Floats, theme: Theme, *, most: float | None = None) -> None:
@@ -548,10 +560,10 @@ def belief(theme: Theme, sampling: Sampling) -> Figure:
             axes.set(xlim=(-0.5, 23.5), ylim=(23.5, -0.5))
         for drone in range(3):
             path = search.positions[: step + 1, drone]
-            row[1].plot(*path.T, color=theme.track, linewidth=0.9)
+            colour = mark_drone(row[1], path[-1], drone)
+            row[1].plot(*path.T, color=colour, linewidth=1.2)
             searched = search.actions[:step, drone] == Action.SEARCH
-            row[1].plot(*path[:-1][searched].T, "x", color=theme.track, markersize=3)
-            row[1].plot(*path[-1], "o", color=theme.track, markersize=5, markeredgewidth=0)
+            row[1].plot(*path[:-1][searched].T, ".", color=colour, markersize=4)
         row[0].set_title(f"step {step}: forecast")
         searches = int((search.actions[:step] == Action.SEARCH).sum())
         row[1].set_title(f"posterior after {searches} searches")
@@ -932,10 +944,10 @@ def patterns(theme: Theme, sampling: Sampling) -> Figure:
     for name, row in zip(PATTERNS, panels, strict=True):
         for drones, axes in zip((1, 2), row, strict=True):
             policy = POLICIES[name](Scenario(grid_size=25, n_drones=drones))
-            for (route, *_), colour in zip(policy.routes(datum, 0), theme.series, strict=False):
+            for drone, (route, *_) in enumerate(policy.routes(datum, 0)):
                 track = np.array(route)
-                axes.plot(*track.T, color=colour, linewidth=1.3)
-                axes.plot(*track[0], "o", color=colour, markersize=7)
+                colour = mark_drone(axes, track[0], drone)
+                axes.plot(*track.T, color=colour, linewidth=1.5)
             axes.plot(*datum.mean, "+", color=theme.ink, markersize=11, markeredgewidth=2)
             axes.set(xlim=(-0.5, 24.5), ylim=(16.5, -0.5), aspect="equal")
             axes.set(xticks=(), yticks=())

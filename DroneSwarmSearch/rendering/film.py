@@ -19,7 +19,6 @@ from DroneSwarmSearch.rendering.sprites import write
 
 FONT, LETTER, LINE = 22, 8.2, 24  # of the text, about the width of a letter, the height of a line
 PAD, ROW, SYMBOL = 10, 30, 22  # the margin, the height of a row below the map, of its symbols
-TITLE_LINES = 2
 SHOWN_FROM = 0.05  # the share of a map's maximum from which a cell is never cropped away
 
 
@@ -43,9 +42,9 @@ class Film:
         self._left, self._top = np.clip((low + high - size + 1) // 2, 0, most - size).tolist()
         self._map = SearchMap(size, self._look, side=width - 2 * PAD)
         letters = int(self._map.side / LETTER)
-        if len(title) > TITLE_LINES * letters:
+        if len(title) > 2 * letters:
             title = title.removesuffix(".").partition(". ")[0] + "."
-        self._title = textwrap.wrap(title, letters, max_lines=TITLE_LINES, placeholder=" …")
+        self._title = textwrap.wrap(title, letters, max_lines=2, placeholder=" …")
         self._head = LINE * len(self._title) + 2 * PAD
 
     def pixels(

@@ -113,9 +113,11 @@ def person(size: int) -> pygame.Surface:
     """A missing person: a life ring."""
     pen = _Pen(size, INK)
     line = max(pen.pixel, 0.05)
-    pen.discs((1.0, INK), (1.0 - line, LIFE_RING))
-    for x, y in ((0.7, 0.0), (0.0, 0.7)):
-        pen.stroke([(-x, -y), (x, y)], 0.5, WHITE)
+    pen.discs((1.0, INK), (1.0 - line, WHITE))
+    for middle in (45, 135, 225, 315):
+        arc = [math.radians(angle) for angle in range(middle - 27, middle + 28, 6)]
+        edge = [((1 - line) * math.cos(angle), (1 - line) * math.sin(angle)) for angle in arc]
+        pen.polygon([(0, 0), *edge], LIFE_RING)
     pen.discs((0.44 + line, INK), (0.44, WATER))
     return pen.finish()
 

@@ -41,8 +41,7 @@ def write_video(
 ) -> None:
     """Write the frames of consecutive steps as a smooth video; `fps` is in steps per second.
 
-    `painter_of` makes a painter for all frames. The first one is taken after all checks. Otherwise
-    as `write_pictures`.
+    `painter_of` makes a painter for the frames, taken after all checks; see `write_pictures`.
     """
     per_step = max(1, round(SMOOTH / fps))
 
