@@ -2,7 +2,8 @@
 
     python docs/make_pictures.py [logo | video | gallery | plan | trained ...]
 
-The last one needs the extra "ppo", and trains for a minute. The same versions of the code, pygame and Pillow give the same bytes.
+The last one needs the extra "ppo", and trains for a minute. The same versions of the code, pygame
+and Pillow give the same bytes.
 """
 
 from __future__ import annotations

@@ -296,10 +296,10 @@ def few_pictures(patch: pytest.MonkeyPatch) -> None:
     for module in (demo, recording):
 
         def write(
-            path: Path, painter: Any, frames: Any, *, write: Any = module.write_video, **how: Any
+            path: Path, frames: Any, painter_of: Any, *, write: Any = module.write_video, **how: Any
         ) -> None:
             every = [*frames]
-            write(path, painter, iter([every[0], every[-1]]), **how)
+            write(path, [every[0], every[-1]], painter_of, **how)
 
         patch.setattr(module, "write_video", write)
 
