@@ -26,98 +26,102 @@ COMMANDS = {
     "play": """\
 watch a search in a window or in the terminal, or fly a drone; the default
 
-Drones search a grid at sea for shipwrecked persons who drift: watch a policy, or fly one drone
-yourself. SEARCH names a search; without it, the drones start around the border, and the person is
-expected in the middle of the grid halfway through the search. Every drone flies to the cell with
-the highest probability, discounted by its distance (the policy "greedy-matrix"), unless you choose
-another policy.
+Drones search the sea for shipwrecked persons who drift: watch a policy, or fly
+one drone yourself. SEARCH names a search; without it, the drones start around
+the border, and the policy is "greedy-forecast": each drone flies to a near cell
+where the person is likely to be when it arrives.
 
 examples:
-  python -m DroneSwarmSearch play                              watch a search
-  python -m DroneSwarmSearch play --manual --hide-person       fly drone 0 against the policies
-  python -m DroneSwarmSearch play gale --policy greedy-forecast --seed 4
-  python -m DroneSwarmSearch play classic --record classic.gif
+  droneswarmsearch play                         watch a search
+  droneswarmsearch play --manual --hide-person  fly drone 0 against the policies
+  droneswarmsearch play gale --policy greedy-forecast --seed 4
+  droneswarmsearch play classic --record classic.gif
 
-Keys are listed in the window; Esc quits. With --manual, the arrow keys (or W, A, S, D) move drone
-0, space searches its cell, and I waits; every key is one step for all drones. Moves off the grid
-and into other drones are refused: they would end the search. With --hide-person, you see no more
-than the policies do, and your result is compared with theirs at the end.
+The window lists the keys. With --manual, the arrow keys (or W, A, S, D) move
+drone 0, space searches, and I waits; every key is one step for all drones.
+With --hide-person, you see no more than the policies do, and your result is
+compared with theirs at the end.
 """,
     "plan": """\
 plan flights for an incident: waypoints, files for maps, a printed map
 
-Plan where drones fly to find somebody who drifts at sea. The folder holds the plan as GPX, KML,
-GeoJSON and CSV, a map to print, and incident.json to run it again.
+Plan where drones fly to find somebody who drifts at sea. The folder holds the
+plan as GPX, KML, GeoJSON and CSV, a map to print, and incident.json to run it
+again.
 
 examples:
-  droneswarmsearch plan --position 54.18 7.85 --time 2026-03-01T05:30Z --object LIFE-RAFT-SB-6 \\
-      --wind 300 25kn --current 160 0.5kn --drones 3 --out plan
+  droneswarmsearch plan --position 54.18 7.85 --time 2026-03-01T05:30Z \\
+      --object LIFE-RAFT-SB-6 --wind 300 25kn --current 160 0.5kn --out plan
   droneswarmsearch plan --incident plan/incident.json --drones 4 --out more
   droneswarmsearch plan --after plan --out second
 """,
     "evaluate": """\
 evaluate a policy on searches of the suite
 
-Evaluate a policy on searches of the suite or of files. Success is the share of episodes in
-which every person is found by the time limit; time is the restricted mean time to find
-(failures count with the limit); return is the mean return of the team; crashes are episodes in
-which drones collided or left the grid. Coverage missions are judged by the probability of success
-(POS) of the searches made; coverage and repetition are the different cells searched and the
-repeated searches, both divided by the number of cells. Success and time are exact for
-deterministic policies and one person; other figures have 95% intervals.
+Success is the share of episodes in which every person is found by the time
+limit; time is the restricted mean time to find (failures count with the limit);
+return is the mean return of the team; crashes are episodes in which drones
+collided or left the grid. Coverage missions are judged by the probability of
+success (POS) of the searches made; coverage and repetition are the different
+cells searched and the repeated searches, both divided by the number of cells.
+Success and time are exact for deterministic policies and one person; other
+figures have 95% intervals.
 
 examples:
-  python -m DroneSwarmSearch evaluate --list
-  python -m DroneSwarmSearch evaluate greedy-posterior classic man-overboard --bound
-  python -m DroneSwarmSearch evaluate planner all --workers 2 --out results
+  droneswarmsearch evaluate --list
+  droneswarmsearch evaluate greedy-posterior classic man-overboard --bound
+  droneswarmsearch evaluate planner all --workers 2 --out results
 
-The file or module of your own policy is executed: only name code that you trust. The guide
-"Evaluation" of the documentation explains policies, and the files of searches.
+The file or module of your own policy is executed: only name code that you
+trust. The guide "Evaluation" of the documentation explains policies, and the
+files of searches.
 
 Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
 """,
     "leaderboard": """\
 compare all policies on the suite: tables, plots, files
 
-Evaluate every policy on every search of the suite, in the same episodes; print tables, and write
-leaderboard.csv and plots to DIR (default: leaderboard).
+Evaluate every policy on every search, in the same episodes; print tables, and
+write leaderboard.csv and plots to DIR (default: leaderboard).
 
 examples:
-  python -m DroneSwarmSearch leaderboard
-  python -m DroneSwarmSearch leaderboard --episodes 200 --searches pond fog --workers 2
-  python -m DroneSwarmSearch leaderboard --add my_policies.py:MyPolicy --out mine
+  droneswarmsearch leaderboard
+  droneswarmsearch leaderboard --episodes 200 --searches pond fog --workers 2
+  droneswarmsearch leaderboard --add my_policies.py:MyPolicy --out mine
 """,
     "bound": """\
 compute upper bounds on the success of any policy
 
-Compute a certified upper bound on the probability that any policy finds every person, within
-the time limit and within each earlier step. In a coverage mission it is a bound on the
-probability of success (POS) of any searches.
+Compute a certified upper bound on the probability that any policy finds every
+person, within the time limit and within each earlier step. In a coverage
+mission it is a bound on the probability of success (POS) of any searches.
 
 examples:
-  python -m DroneSwarmSearch bound pond harbour
-  python -m DroneSwarmSearch bound all --workers 2 --out bounds
+  droneswarmsearch bound pond harbour
+  droneswarmsearch bound all --workers 2 --out bounds
 """,
     "record": """\
 record a video of a search: the prior and the posterior
 
-Record a video of the episode that `evaluate` plays with the same seed: the prior, which only
-follows the drift, on the left, and the posterior given the searches made on the right.
+Record a video of the episode that `evaluate` plays with the same seed: the
+prior, which only follows the drift, on the left, and the posterior given the
+searches made on the right.
 
 examples:
-  python -m DroneSwarmSearch record classic --policy greedy-posterior --out classic.gif
-  python -m DroneSwarmSearch record fog --policy parallel-sweep --seed 7 --out fog.mp4
+  droneswarmsearch record classic --policy greedy-posterior --out classic.gif
+  droneswarmsearch record fog --policy parallel-sweep --seed 7 --out fog.mp4
 """,
     "export": """\
 write episodes of a search as JSON, to play them in a browser
 
-Write the episodes of some policies on a search as JSON: actions, persons, probability of success,
-returns, prior and posterior of every step. The page "Play a search" of the documentation plays
-such files; `evaluation.export` documents their format.
+Write the episodes of some policies on a search as JSON: actions, persons,
+probability of success, returns, prior and posterior of every step. The page
+"Play a search" of the documentation plays such files; `evaluation.export`
+documents their format.
 
 examples:
-  python -m DroneSwarmSearch export harbour --policies planner ppo --seeds 0 1 --out harbour.json
-  python -m DroneSwarmSearch export fog --policies my_policy.py:MyPolicy planner --out fog.json
+  droneswarmsearch export harbour --policies planner ppo --out harbour.json
+  droneswarmsearch export fog --policies mine.py:MyPolicy ppo --out fog.json
 """,
 }
 
@@ -161,7 +165,7 @@ def _parser() -> argparse.ArgumentParser:
         prog=PROGRAM,
         formatter_class=FORMAT,
         usage=f"{PROGRAM} [play [SEARCH]] [options]\n       {PROGRAM} COMMAND [arguments]",
-        epilog=f"`{PROGRAM} COMMAND --help` describes the options of each, with examples.",
+        epilog=f"`{PROGRAM} COMMAND --help` describes the options of each.",
     )
     several = parser.add_subparsers(title="commands", metavar="COMMAND", prog=PROGRAM)
     for name, text in COMMANDS.items():
@@ -182,6 +186,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_files(parser: argparse.ArgumentParser, name: str) -> None:
+    parser.usage = "%(prog)s SEARCH --out FILE [options]"
     add = parser.add_argument
     add("search", metavar="SEARCH", help=SEARCH)
     policies = f"of {', '.join(POLICIES)}, or {OWN_POLICY} (default: planner)"
@@ -207,12 +212,14 @@ def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
         add("--policies", metavar="NAME", nargs="+", help=f"of {', '.join(POLICIES)}; default: all")
         own = f"{OWN_POLICY}; may be repeated"
         add("--add", metavar="POLICY", action="append", default=[], help=own)
+        rows = "a .csv file of policies with the success that they claim, which must come out"
+        add("--submissions", metavar="FILE", type=Path, help=rows)
         add("--no-bound", dest="bound", action="store_false", help="without bounds: much faster")
     else:
         if name == "evaluate":
             parser.usage = "%(prog)s POLICY SEARCH [SEARCH ...] [options]"
             own = f"a policy of this package, or {OWN_POLICY}"
-            parser.set_defaults(policies=[])
+            parser.set_defaults(policies=[], submissions=None)
             add("policy", metavar="POLICY", nargs="?", help=own)
             add("--list", action="store_true", help="list the policies and the searches")
             add("--csv", action="store_true", help="print the estimates as CSV")

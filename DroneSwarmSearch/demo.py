@@ -21,12 +21,13 @@ from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.palette import Look
 from DroneSwarmSearch.rendering.player import Player, Recording, Score
-from DroneSwarmSearch.rendering.text import print_frames
+from DroneSwarmSearch.rendering.text import WIDTH, print_frames
 from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video
 from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 from DroneSwarmSearch.scenario import Cell, Scenario
 
-USUAL_POLICY = "greedy-matrix"  # it needs only observations, so it also works while you fly drone 0
+USUAL_POLICY = "greedy-forecast"  # as good as any that start at once
+BESIDE_YOU = "greedy-matrix"  # it needs only observations, so it works while you fly drone 0
 
 # Flights by hand are compared with these policies, all of which are quick.
 RIVALS = ("greedy-matrix", "greedy-posterior", "greedy-forecast", "parallel-sweep")
@@ -60,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     policies = f"{', '.join(POLICIES)}, or your own as for `evaluate` (default: {USUAL_POLICY})"
     add_view(parser)
     add = parser.add_argument_group("episode").add_argument
-    add("--policy", metavar="NAME", default=USUAL_POLICY, help=policies)
+    add("--policy", metavar="NAME", help=policies)
     seed = "seed of the persons' drift (default: 0)"
     add("--seed", metavar="N", type=int, default=0, help=seed)
     drones = "number of drones, without SEARCH (default: 4)"
@@ -69,13 +70,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Play a search as the options say."""
-    if options.manual and options.policy != USUAL_POLICY:
-        raise ValueError(f"--manual: the other drones use {USUAL_POLICY}: leave out --policy")
+    if options.manual and options.policy is not None:
+        raise ValueError(f"--manual: the other drones use {BESIDE_YOU}: leave out --policy")
+    options.policy = options.policy or (BESIDE_YOU if options.manual else USUAL_POLICY)
     checks.real("--fps", options.fps, FPS_LEAST, FPS_MOST)
     found = _search_of(options)
     episode = _Episode(found, options, options.seed)
     if options.search is not None:
-        print(textwrap.fill(f"{found.name}: {found.reason}", 100) + "\n", flush=True)
+        print(textwrap.fill(f"{found.name}: {found.reason}", WIDTH) + "\n", flush=True)
     if options.record is not None:
         _record(options, episode)
     elif options.text or not _play_in_window(options, found):
@@ -126,7 +128,8 @@ class _Episode:
         self, search: NamedSearch, options: argparse.Namespace, seed: int, rival: str = ""
     ) -> None:
         spec = PolicySpec.of(rival or options.policy)
-        self._label = f"you and {spec.name}" if options.manual and not rival else spec.name
+        self._flown = 0 if options.manual and not rival else None
+        self._label = spec.name if self._flown is None else f"you and {spec.name}"
         self._policy = prepared(spec, search)
         self._act = steering(self._policy, search, seed, view_of(spec, search, view_from(options)))
         self._hide_person = options.hide_person
@@ -162,7 +165,8 @@ class _Episode:
     def _current_frame(self) -> Frame:
         frame = self._env.frame()
         hides = self._hide_person and frame.ending is None
-        return replace(frame, policy=self._label, hide_persons=hides, scale=self.search.scale)
+        frame = replace(frame, policy=self._label, hide_persons=hides, flown=self._flown)
+        return replace(frame, scale=self.search.scale)
 
 
 def _print_summary(
@@ -186,7 +190,7 @@ def _print_summary(
     if frame.persons:
         lines.append(f"persons found   {sum(frame.found)} of {len(frame.persons)}")
     if frame.probability_of_success is not None:
-        success = f"{frame.probability_of_success:.1%} (probability of success)"
+        success = f"{frame.probability_of_success:.1%} of all such persons are found by now"
         lines.append(f"POS             {success}")
     if search.scale is not None:
         cell, step = search.scale.metres_per_cell, search.scale.seconds_per_step

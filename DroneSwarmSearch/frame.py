@@ -42,6 +42,7 @@ class Frame:
         total_return: the sum of all drones' rewards in this episode; None if not known.
         policy: a name to show; empty for none.
         hide_persons: missing persons are not drawn.
+        flown: the number of the drone that is flown by hand; None for none.
         scale: of a search at sea, which is shown in kilometres, minutes and m/s.
     """
 
@@ -62,6 +63,7 @@ class Frame:
     total_return: float | None = None
     policy: str = ""
     hide_persons: bool = False
+    flown: int | None = None
     scale: Scale | None = None
 
     @property

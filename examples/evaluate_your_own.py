@@ -5,8 +5,8 @@
 The network has two linear layers with weights set by hand; one copy runs per drone. Put your
 trained network in its place. It has no memory, so all policies get the posterior, which contains
 the result of every search. It draws no random numbers, so its success is exact. On the command
-line, the same network is `examples/evaluate_your_own.py:ScentNetwork` with the options `--view
-drone --observation planes --posterior --deterministic`.
+line, the same network is `examples/evaluate_your_own.py:ScentNetwork` with the option
+`--deterministic`; its attribute `view` states what it sees.
 """
 
 from __future__ import annotations
@@ -37,6 +37,8 @@ class ScentNetwork:
     The first layer spreads the matrix over the grid. The second layer scores the four moves by
     the scent around the drone, and searching by the probability below it.
     """
+
+    view = View("drone", "planes", bayesian_update=True)
 
     def __init__(self, scenario: Scenario) -> None:
         cells = np.arange(scenario.grid_size)
@@ -84,8 +86,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1, help="processes (1)")
     options = parser.parse_args()
     shared = {"episodes": options.episodes, "workers": options.workers}
-    planes = View("drone", "planes", bayesian_update=True)
-    network = evaluate(ScentNetwork, options.search, view=planes, deterministic=True, **shared)
+    network = evaluate(ScentNetwork, options.search, deterministic=True, **shared)
     print(summary(network))
     for name in BASELINES:
         baseline = evaluate(name, options.search, view=View(bayesian_update=True), **shared)

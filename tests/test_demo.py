@@ -229,7 +229,7 @@ class TestOptions:
     def test_the_coverage_mission(self, tmp_path, capsys):
         assert cli.main(["play", search_file(tmp_path, mission="coverage"), "--text"]) == 0
         summary = figures(capsys.readouterr().out)
-        success = summary["POS"].removesuffix(" (probability of success)")
+        success = summary["POS"].removesuffix(" of all such persons are found by now")
         assert summary["outcome"].startswith(f"Probability of success {success} (the time limit")
         assert "persons found" not in summary
 
@@ -326,6 +326,7 @@ class TestManual:
         path = [frame.drones[0] for frame in shown]
         assert path == [(0, 0), (1, 0), *[(1, 1)] * 4, (0, 1), (0, 0)]
         assert [frame.searching[0] for frame in shown].index(True) == 3
+        assert {frame.flown for frame in shown} == {0}
         assert shown[-1].ending is None, "the last key leads out of the grid, so it is refused"
         assert shown[-1].drones[1] != shown[0].drones[1], "the policy flies the others"
         summary = figures(capsys.readouterr().out)
@@ -341,17 +342,21 @@ class TestManual:
 
     def test_a_game_against_the_policies(self, tmp_path, capsys, monkeypatch):
         path = search_file(tmp_path, timestep_limit=40)
-        results = {}
+        results, widths = {}, []
+        monkeypatch.setattr(pygame.display, "get_desktop_sizes", lambda: [(1920, 1080)])
 
         def script(player: Player) -> Iterator[str]:
+            widths.append(pygame.display.get_surface().get_width())
             yield from keys(*["space"] * 40)(player)
             results.update((name, last.step) for name, last in player.recording.scores)
+            widths.append(pygame.display.get_surface().get_width())
 
         shown = perform(monkeypatch, script)
         assert cli.main(["play", path, "--manual", "--hide-person"]) == 0
         assert {frame.hide_persons for frame in shown if frame.ending is None} == {True}
         assert shown[-1].hide_persons is False
         capsys.readouterr()
+        assert widths[1] > widths[0], "the results stand beside the map"
         assert set(results) == {"you (drone 0)", *demo.RIVALS}
         for policy in demo.RIVALS:
             assert cli.main(["play", path, "--text", "--policy", policy]) == 0

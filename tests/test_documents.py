@@ -39,7 +39,7 @@ EXTRAS = {
 
 SLOW_PAGES = (
     *("docs/contributing.md", "docs/guides/training.md", "docs/guides/trainers/"),
-    *("docs/leaderboard/", "docs/model.md", "docs/performance.md"),
+    *("docs/leaderboard/", "docs/model.md", "docs/open-problems.md", "docs/performance.md"),
 )
 """Pages whose commands may take minutes or need optional packages."""
 

@@ -136,6 +136,77 @@ def test_an_added_policy_can_see_the_posterior():
     assert shown == {"stay": True, "random": False}
 
 
+class Waiting:
+    """Idles in a view that nobody has to state."""
+
+    view = View("drone", "planes", bayesian_update=True)
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.drones = scenario.n_drones
+
+    def __call__(self, planes: np.ndarray) -> np.ndarray:
+        return np.full(len(planes), int(Action.IDLE))
+
+
+def submitted(folder: Path, *rows: str) -> Path:
+    """A file of submissions."""
+    path = folder / "submissions.csv"
+    head = "name,policy,deterministic,success,authors,reference"
+    path.write_text("\n".join([head, *rows]) + "\n", "utf-8")
+    return path
+
+
+def test_submissions_are_evaluated_as_their_rows_state(tmp_path):
+    path = submitted(
+        tmp_path, f"waiting,{__name__}:Waiting,yes,0.0,A,x", "odd,random,,2.0,B,https://x.org"
+    )
+    board = leaderboard(
+        ["random"], ["pond"], submissions=path, episodes=40, bounds=False, progress=False
+    )
+    waiting, odd, random = board.evaluations
+    assert (waiting.policy, waiting.is_exact, waiting.view) == ("waiting", True, Waiting.view)
+    assert waiting.search.scenario.bayesian_update
+    assert (odd.policy, odd.is_exact) == ("odd", False)
+    assert np.array_equal(odd.curves, random.curves)
+
+
+@pytest.mark.parametrize(("claim", "is_right"), [(49.5, True), (49.8, False), (49.3, False)])
+def test_a_claim_must_be_the_mean_over_the_searches_within_a_tenth_of_a_point(claim, is_right):
+    rows = ("own", "pond", 31, 10), ("own", "fog", 68, 10), ("other", "pond", 9, 1)
+    board = board_of(*rows, ("other", "fog", 9, 1), is_exact=True)
+    if is_right:
+        board.check("own", claim)
+    else:
+        with pytest.raises(ValueError, match=f"success of own .* rerun, 49.5, .* got {claim}"):
+            board.check("own", claim)
+
+
+def test_a_claim_may_be_anywhere_in_the_interval_of_what_is_sampled():
+    board = board_of(("own", "pond", 50, 10))
+    low, high = (100 * each for each in board.evaluations[0].success[1:])
+    assert high - low > 10
+    board.check("own", low - 0.05)
+    board.check("own", high + 0.05)
+    for claim in (low - 0.15, high + 0.15):
+        with pytest.raises(ValueError, match=r"must be that of the rerun, 50\.0 \("):
+            board.check("own", claim)
+
+
+def test_the_command_fails_for_a_wrong_claim_and_keeps_what_it_found(tmp_path, idler, capsys):
+    out, path = tmp_path / "out", submitted(tmp_path, f"idler,{idler},yes,12,A,x")
+    arguments = [*SHORT, "--policies", "random", "--no-bound", "--submissions", str(path)]
+    with pytest.raises(SystemExit):
+        command.main(["leaderboard", *arguments, "--out", str(out)])
+    assert "success of idler in submissions must be" in capsys.readouterr().err
+    assert (out / "finished" / "idler.pond.npz").exists()
+
+
+@pytest.mark.parametrize("row", ["own,random,,1.0,A", "own,random,,1.0,A,x,more"])
+def test_rows_of_submissions_are_complete(tmp_path, row):
+    with pytest.raises(ValueError, match="submissions must have the columns name, policy"):
+        leaderboard(["random"], ["pond"], submissions=submitted(tmp_path, row), progress=False)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -178,7 +249,8 @@ def test_without_matplotlib_there_are_tables_and_a_hint(tmp_path, idler, monkeyp
     arguments += [*FEW, "--add", idler, "--out", str(tmp_path / "out")]
     assert command.main(["leaderboard", *arguments]) == 0
     output = capsys.readouterr()
-    assert re.search(rf"search +greedy-matrix +random +{re.escape(idler)}\n", output.out)
+    assert re.search(r"search +greedy-matrix +random\n", output.out)
+    assert re.search(rf"search +{re.escape(idler)}\n", output.out), "it has no room beside them"
     assert re.search(rf"{re.escape(idler)} +0\.0 \(0\.0-43\.4\)", output.out)
     assert "pip install" in output.err
     assert (tmp_path / "out" / "leaderboard.csv").exists()

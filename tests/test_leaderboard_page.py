@@ -1,4 +1,4 @@
-"""The figures of the published page are those of its CSV file."""
+"""The figures of the published pages are those of the CSV file."""
 
 from __future__ import annotations
 
@@ -12,12 +12,19 @@ from helpers import tables_of
 
 FOLDER = Path(__file__).parents[1] / "docs" / "leaderboard"
 TEXT = (FOLDER / "leaderboard.md").read_text("utf-8")
+PROBLEMS = (FOLDER.parent / "open-problems.md").read_text("utf-8")
+SUBMITTED = " †"
 Row = dict[str, str]
 
 
 def rows() -> dict[tuple[str, str], Row]:
     with (FOLDER / "leaderboard.csv").open(encoding="utf-8", newline="") as file:
         return {(row["policy"], row["search"]): row for row in csv.DictReader(file)}
+
+
+def submissions() -> list[Row]:
+    with (FOLDER / "submissions.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def shown(value: float, row: Row) -> str:
@@ -28,7 +35,7 @@ def test_the_table_of_policies_has_the_means_the_best_first() -> None:
     summary, _ = tables_of(TEXT)
     successes = []
     for policy, *figures in summary[1:-1]:
-        mine = [row for (name, _), row in rows().items() if name == policy]
+        mine = [row for (name, _), row in rows().items() if name == policy.removesuffix(SUBMITTED)]
         success = fmean(float(row["success"]) for row in mine)
         gap = fmean(float(row["bound"]) for row in mine) - success
         time = fmean(
@@ -45,7 +52,7 @@ def test_the_table_of_policies_has_the_means_the_best_first() -> None:
 
 def test_the_table_of_searches_has_every_success() -> None:
     _, searches = tables_of(TEXT)
-    policies = searches[0][2:]
+    policies = [name.removesuffix(SUBMITTED) for name in searches[0][2:]]
     assert {(name, line[0]) for name in policies for line in searches[1:]} == {*rows()}
     for search, bound, *figures in searches[1:]:
         mine = [rows()[policy, search] for policy in policies]
@@ -54,6 +61,36 @@ def test_the_table_of_searches_has_every_success() -> None:
         for figure, row in zip(figures, mine, strict=True):
             value = float(row["success"])
             assert figure == (f"**{shown(value, row)}**" if value == best else shown(value, row))
+
+
+def test_submissions_are_marked_and_have_the_success_that_they_claim() -> None:
+    for table in tables_of(TEXT):
+        names = [cell for row in (*table, table[0]) for cell in (row[0], *table[0])]
+        marked = {name.removesuffix(SUBMITTED) for name in names if name.endswith(SUBMITTED)}
+        assert marked == {row["name"] for row in submissions()}
+    for each in submissions():
+        found = fmean(
+            float(row["success"]) for (name, _), row in rows().items() if name == each["name"]
+        )
+        assert float(each["success"]) == round(100 * found, 1)
+        assert (
+            f"† **{each['name']}**: submitted by {each['authors']}, `{each['reference']}`" in TEXT
+        )
+
+
+def test_open_problems_are_the_gaps_to_the_bounds_the_largest_first() -> None:
+    gaps, *_ = tables_of(PROBLEMS)
+    submitted = {row["name"] for row in submissions()}
+    expected = []
+    for search in {search for _, search in rows()}:
+        mine = [row for (name, of), row in rows().items() if of == search and name not in submitted]
+        found = {row["policy"]: 100 * float(row["success"]) for row in mine}
+        best, bound = max(found, key=found.__getitem__), 100 * float(mine[0]["bound"])
+        most = found[best]
+        lead = found.pop("planner") - max(found.values())
+        figures = [f"{each:.1f}" for each in (most, bound, bound - most)]
+        expected.append((bound - most, [search, best, *figures, f"{lead:+.1f}"]))
+    assert gaps[1:] == [row for _, row in sorted(expected, reverse=True)]
 
 
 def test_the_text_states_the_share_and_the_confidence_of_the_bounds() -> None:

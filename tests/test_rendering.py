@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,7 +14,7 @@ import pytest
 from helpers import make_frame, plain
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import DroneSwarmSearch, Scale
+from DroneSwarmSearch import Action, DroneSwarmSearch, Scale
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.labels import outcome_in_brief, percent, signed, tick_stride
@@ -103,18 +104,18 @@ class TestText:
             matrix=[[0.0, 0.05, 0.05], [0.1, 0.2, 0.4], [0.1, 0.05, 0.05]],
         )
         assert render_text(frame).split("\n") == [
-            "step 3/10 | drift x +0.50, y -0.25 cells/step | persons found 1/2",
+            "step 3/10 | drift x +0.50, y -0.25 cells/step | found 1/2",
             "      0    1    2",
             "0    0.    :    :",
             "1     ;    o 1*P@",
             "2   F0;    :    :",
-            "0-1 drone, * searching, + same cell | person: P missing, F0 found by drone 0 | "
-            + ".:;=oO%#@ probability, 0 to 40%",
+            "0-1 drone, * searching, + more, listed below | P person, F0 found by drone 0",
+            ".:;=oO%#@ probability, 0 to 40%",
         ]
 
     def test_what_is_known_of_uncertain_persons(self):
         frame = replace(make_frame(2), probability_of_success=0.1234)
-        assert render_text(frame).split("\n")[0].endswith(" | persons found 0/1 | POS 12.3%")
+        assert render_text(frame).split("\n")[0].endswith(" | found 0/1 | POS 12.3%")
         for hypotheses, shown in (
             (((0.62, 0.38),), ["hypotheses: 62% 38%"]),
             (
@@ -129,18 +130,59 @@ class TestText:
         certain = replace(frame, hypotheses=((1.0,),))
         assert render_text(certain) == render_text(frame)
 
-    def test_hundreds_of_drones_and_numbered_columns(self):
+    @pytest.mark.parametrize(
+        ("grid_size", "rows", "width", "side"),
+        [(12, None, 5, 1), (24, None, 3, 1), (30, None, 2, 1), (76, None, 1, 1), (100, None, 1, 2)]
+        + [(16, 23, 4, 1), (24, 23, 5, 2)],
+    )
+    def test_maps_fit_80_columns_and_the_terminal(self, grid_size, rows, width, side):
+        last = grid_size - 1
+        frame = make_frame(grid_size, drones=((0, 0), (last, last)), persons=((last, 0),))
+        lines = render_text(frame, rows=rows).split("\n")
+        assert max(map(len, lines)) <= 80
+        assert len(lines) <= (rows or 200)
+        margin, places = len(str(last)) + 1, math.ceil(grid_size / side)
+        cells = lines[2 : 2 + places]
+        assert [int(line[: margin - 1]) for line in cells] == [*range(0, grid_size, side)]
+        assert {len(line) for line in cells} == {margin + width * places}
+        # In a single character, a drone or a person takes the place of the probability.
+        marks = [cells[0][margin:][:width], cells[0][-width:], cells[-1][-width:]]
+        assert [mark.strip()[0] for mark in marks] == ["0", "P", "1"]
+        assert all(len(mark.strip()) == min(width, 2) for mark in marks)
+        assert (f"of {side} x {side} cells" in lines[-1]) == (side > 1)
+
+    def test_what_does_not_fit_a_cell_is_listed(self):
+        drones = ((0, 0), (1, 0), (2, 0), (2, 0), (3, 0))
+        persons = (1, 0), (3, 0)
+        frame = make_frame(40, drones=drones, searching=(0, 1), persons=persons)
+        frame = replace(frame, found_by=(1, None))
+        lines = render_text(frame).split("\n")
+        assert lines[2].startswith(" 0 0+++")
+        assert lines[-3] == "(0, 0): 0* | (1, 0): 1*F1 | (2, 0): 2+3 | (3, 0): 4P"
+
+    def test_cells_keep_their_width_during_an_episode(self):
+        env = DroneSwarmSearch(6, n_drones=3, person_initial_position=[(1, 1)] * 5, vector=(0, 0))
+        env.reset(seed=0, drones_positions=[(1, 0), (0, 1), (5, 5)])
+        before = env.render().split("\n")
+        env.step({"drone0": Action.DOWN, "drone1": Action.RIGHT, "drone2": Action.SEARCH})
+        after = env.render().split("\n")
+        header = next(line for line in before if line.endswith("4    5"))
+        assert header in after
+        assert any(line.startswith("(1, 1): 0+1") for line in after)
+
+    def test_hundreds_of_drones(self):
         drones = tuple((i % 100, 2 * (i // 100)) for i in range(300))
         frame = make_frame(100, drones=drones, searching=(299,), persons=((99, 99),))
         lines = render_text(frame).split("\n")
-        columns, rows = lines[1], lines[2:102]
-        assert len({len(row) for row in rows}) == 1
-        width = (len(rows[0]) - 3) // 100
-        assert rows[4][3 + 99 * width :] == "299*."
-        assert rows[0][3 : 3 + 2 * width] == "   0.   1."
-        assert rows[99].endswith("P.")
-        assert [int(number) for number in columns.split()] == list(range(100))
-        assert columns.index("42") + 2 == 3 + 43 * width
+        assert max(map(len, lines)) <= 80
+        assert any("(98, 4): 298+299*" in line for line in lines)
+
+    def test_a_find_is_set_beside_the_probability_of_success(self):
+        frame = replace(make_frame(2, ending=Ending.FOUND), probability_of_success=0.25)
+        sentence = "Found here; of all such persons, 25.0% are found by now"
+        assert render_text(frame).split("\n")[2] == sentence
+        lost = replace(frame, ending=Ending.TIME_LIMIT)
+        assert "Found here" not in render_text(lost)
 
     @pytest.mark.parametrize(
         ("seconds", "line"),
@@ -153,8 +195,21 @@ class TestText:
         frame = make_frame(2)
         rows = render_text(replace(frame, scale=Scale(100, seconds))).split("\n")
         plain_rows = render_text(frame).split("\n")
-        assert rows == [f"{line} | persons found 0/1", *plain_rows[1:]]
+        assert rows == [f"{line} | found 0/1", *plain_rows[1:]]
         assert len(rows[0]) <= len(plain_rows[0])
+
+
+class TestFlown:
+    def test_the_drone_flown_by_hand_is_marked_on_the_map_and_in_the_legend(self):
+        frame = make_frame(8, drones=((1, 1), (6, 6)), persons=())
+        painter = Painter(8)
+        before, after = (
+            painter.pixels(each).astype(np.int64) for each in (frame, replace(frame, flown=1))
+        )
+        y, x = np.nonzero(differs(before, after))
+        on_map = x < LEFT + 720
+        assert (y[on_map] > HEAD + TOP + 360).all() and on_map.any()
+        assert (~on_map).any()
 
 
 class TestCells:

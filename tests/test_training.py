@@ -108,8 +108,9 @@ def test_the_comparison_is_printed_and_saved(
     assert (trained.success.value, others[1].success.value) == (1.0, 1.0)
     assert {each.seed for each in (trained, *others)} == {1_000_000}
     shown = capsys.readouterr().out
-    assert [name for line in shown.splitlines() for name in names if line.startswith(name)] == names
-    random = next(line for line in shown.splitlines() if line.startswith("random"))
+    first = shown.split("\n\n")[0].splitlines()
+    assert [name for line in first for name in names if line.startswith(name)] == names
+    random = " ".join(line for line in shown.splitlines() if line.startswith("random"))
     gain = 100 * (1 - others[0].success.value)
     assert f"+{gain:.1f}" in random.split() and gain > 0
     with (tmp_path / "evaluation.csv").open(newline="") as file:

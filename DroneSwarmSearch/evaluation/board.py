@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,9 +14,12 @@ from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds, save_c
 from DroneSwarmSearch.evaluation.run import Case, check_names, evaluate_cases
 from DroneSwarmSearch.evaluation.statistics import ROUNDING, Estimate, difference, mean_of
 from DroneSwarmSearch.evaluation.suite import SUITE, as_named
-from DroneSwarmSearch.evaluation.tables import percent
+from DroneSwarmSearch.evaluation.tables import figure, percent
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.policies import POLICIES
+
+SUBMISSION = "name", "policy", "deterministic", "success", "authors", "reference"
+TOLERANCE = 0.1  # points between a claimed success and the interval of the rerun
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +63,15 @@ class Leaderboard:
             rows.append([search, *bound, *shown])
         return rows
 
+    def check(self, policy: str, success: float) -> None:
+        """Raise a ValueError unless a policy's mean success, in percent, is as claimed."""
+        found = mean_of(each.success for each in self.policies[policy]).scaled(100.0)
+        if not found.low - TOLERANCE <= success <= found.high + TOLERANCE:
+            raise ValueError(
+                f"success of {policy} in submissions must be that of the rerun, {figure(found)}, "
+                f"within {TOLERANCE} points, got {success}"
+            )
+
     def write(self, folder: Path) -> list[Path]:
         """Write leaderboard.csv, and plots if Matplotlib is installed; returns the files.
 
@@ -82,6 +95,7 @@ def leaderboard(
     searches: Sequence[object] | None = None,
     *,
     added: Sequence[object] = (),
+    submissions: str | Path | None = None,
     view: View | str | None = None,
     deterministic: bool | None = None,
     episodes: int = 2000,
@@ -98,6 +112,10 @@ def leaderboard(
         policies: names of policies of this package; None for all.
         searches: names of the suite or `NamedSearch` objects; None for the whole suite.
         added: further policies, in any form that `evaluate` takes.
+        submissions: a CSV file of further policies, whose claims are checked. Its columns are
+            "name"; "policy", as text for `evaluate`; "deterministic", "yes" if it is stated to be;
+            "success", the claimed mean over the searches in percent, which the 95% interval of
+            this run must contain, give or take 0.1; "authors" and "reference", for readers.
         view: what the added policies see. If they see the posterior, their returns depend on
             another matrix; success and time stay comparable.
         deterministic: whether the added policies are.
@@ -110,16 +128,34 @@ def leaderboard(
         progress: see `evaluate`.
 
     Raises:
-        ValueError: a name is used twice; see also `evaluate`.
+        ValueError: a name is used twice; a row of the submissions is incomplete, or what it claims
+            differs from what was found, which `out` keeps; see also `evaluate`.
     """
     package = [PolicySpec.of(name) for name in (POLICIES if policies is None else policies)]
     own = [PolicySpec.of(each) for each in added]
     named = [as_named(each) for each in (SUITE if searches is None else searches)]
-    check_names("policies", [*own, *package])
+    rows = [] if submissions is None else _read_submissions(submissions)
+    theirs = [PolicySpec.of(row["policy"], row["name"]) for row in rows]
+    check_names("policies", [*own, *theirs, *package])
     check_names("searches", named)
     cases = []
     for each in named:
         cases += [Case.of(spec, each, view, deterministic) for spec in own]
+        for spec, row in zip(theirs, rows, strict=True):
+            cases.append(Case.of(spec, each, None, row["deterministic"] == "yes" or None))
         cases += [Case.of(spec, each) for spec in package]
     how = episodes, seed, out, workers, ray, progress
-    return Leaderboard(evaluate_cases(cases, *how, bounded=named if bounds else []))
+    found = Leaderboard(evaluate_cases(cases, *how, bounded=named if bounds else []))
+    for row in rows:
+        found.check(row["name"], float(row["success"]))
+    return found
+
+
+def _read_submissions(path: str | Path) -> list[dict[str, str]]:
+    with Path(path).open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        if (*row,) != SUBMISSION or None in row.values():
+            columns = ", ".join(SUBMISSION)
+            raise ValueError(f"submissions must have the columns {columns}, got {row!r:.300}")
+    return rows

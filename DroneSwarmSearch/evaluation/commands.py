@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import inspect
 import sys
+import textwrap
 import traceback
 import warnings
 from collections.abc import Sequence
@@ -18,7 +19,7 @@ from DroneSwarmSearch.evaluation.results import Evaluation, csv_text, save_csv
 from DroneSwarmSearch.evaluation.run import bounds_of, check_names, manifest
 from DroneSwarmSearch.evaluation.run_folder import RunFolder, file_name
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch
-from DroneSwarmSearch.evaluation.tables import figure, percent, print_table
+from DroneSwarmSearch.evaluation.tables import WIDTH, figure, percent, print_table
 from DroneSwarmSearch.incident import command
 from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rules import Ending
@@ -81,7 +82,8 @@ def _leaderboard(options: argparse.Namespace) -> None:
         print(f"\n{title}\n")
         print_table(headers, rows, words=1)
     files = found.write(options.out)
-    print(f"\nwritten to {options.out}: {', '.join(path.name for path in files)}")
+    print(f"\nwritten to {options.out}:")
+    print(textwrap.fill(", ".join(path.name for path in files), WIDTH, break_on_hyphens=False))
 
 
 def _bound(options: argparse.Namespace) -> None:
@@ -131,6 +133,7 @@ def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leader
         options.policies,
         _searches(options),
         added=added,
+        submissions=options.submissions,
         view=view_from(options),
         deterministic=options.deterministic,
         episodes=options.episodes,
@@ -157,11 +160,14 @@ def _print_suite() -> None:
     print("policies:\n")
     for name, make in policies.POLICIES.items():
         summary = (inspect.getdoc(make) or "").split("\n")[0]
-        print(f"  {name:<17} {summary}".rstrip())
+        print(textwrap.fill(f"  {name:<17} {summary}", WIDTH, subsequent_indent=" " * 20))
     print(f"\nsearches of suite {SUITE_VERSION}:\n")
     width = max(map(len, SUITE))
+    indent = " " * (width + 3)
     for name, each in SUITE.items():
-        print(f"  {name:<{width}} {each.outline}\n  {'':<{width}} {each.reason}")
+        outline = f"  {name:<{width}} {each.outline}"
+        print(textwrap.fill(outline, WIDTH, subsequent_indent=indent))
+        print(textwrap.fill(each.reason, WIDTH, initial_indent=indent, subsequent_indent=indent))
 
 
 def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Namespace) -> None:
@@ -175,8 +181,8 @@ def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Name
     shown = "posterior" if options.posterior else "prior"
     print(
         f"{options.episodes} episodes of each search, seeds from {options.seed}, suite "
-        f"{SUITE_VERSION}, {shown} shown. Figures without an interval are exact,\n"
-        "except returns, which are means; the others have 95% intervals. See `evaluate --help`."
+        f"{SUITE_VERSION}, {shown} shown.\nFigures without an interval are exact, except returns, "
+        "which are means; the\nothers have 95% intervals. See `evaluate --help`."
     )
 
 

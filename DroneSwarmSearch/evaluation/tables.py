@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
+from itertools import zip_longest
 
 from DroneSwarmSearch.evaluation.statistics import Estimate
 
+WIDTH = 80  # characters in a line of a table
 MOST_DECIMALS = 4  # decimals of figures with a narrow interval; those with a wide one have one
 
 
@@ -36,11 +39,26 @@ def _shown(estimate: Estimate, sign: str, to: str) -> str:
 
 
 def print_table(headers: Sequence[str], rows: Sequence[Sequence[str]], words: int = 2) -> None:
-    """Print a table on stdout; the first columns, `words` of them, are aligned to the left."""
-    widths = [max(map(len, column)) for column in zip(headers, *rows, strict=True)]
-    for line in (headers, ["-" * width for width in widths], *rows):
+    """Print a table on stdout; the first columns, `words` of them, are aligned to the left.
+
+    If it is wider than `WIDTH`, headers take several lines; columns that still do not fit follow in
+    another table, after the first columns.
+    """
+    columns = [*zip(headers, *rows, strict=True)]
+    widths = [max(map(len, column)) for column in columns]
+    shown = len(widths)
+    if sum(widths) + 2 * (shown - 1) > WIDTH:
+        widths = [max(map(len, [*header.split(), *cells])) for header, *cells in columns]
+    while shown > words + 1 and sum(widths[:shown]) + 2 * (shown - 1) > WIDTH:
+        shown -= 1
+    heads = zip_longest(*map(textwrap.wrap, headers, widths), fillvalue="")
+    for line in (*heads, ["-" * width for width in widths], *rows):
         cells = [
             cell.ljust(width) if place < words else cell.rjust(width)
             for place, (cell, width) in enumerate(zip(line, widths, strict=True))
         ]
-        print("  ".join(cells).rstrip())
+        print("  ".join(cells[:shown]).rstrip())
+    if shown < len(widths):
+        print()
+        rest, *more = ([*line[:words], *line[shown:]] for line in (headers, *rows))
+        print_table(rest, more, words)

@@ -19,7 +19,8 @@ MINUTES = 5, 10, 20, 30, 45, 60, 90, 120
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options; those of the incident have the names of its values."""
     parser.usage = (
-        "%(prog)s --position LAT LON --time UTC --object CLASS --wind DEGREES SPEED --out DIR ..."
+        "%(prog)s --position LAT LON --time UTC\n"
+        "           --object CLASS --wind DEGREES SPEED --out DIR [options]"
     )
     place: Any = {"metavar": ("LAT", "LON"), "nargs": 2, "type": float}
     flow: Any = {"metavar": ("DEGREES", "SPEED"), "nargs": 2}

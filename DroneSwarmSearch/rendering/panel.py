@@ -44,7 +44,7 @@ def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look) -> None:
     top += DRIFT_HEIGHT
     _draw_scale(canvas, look, float(frame.matrix.max()), top)
     top += SCALE_HEIGHT
-    _draw_symbols(canvas, bool(frame.persons), top)
+    _draw_symbols(canvas, frame, top)
     top += SYMBOLS_HEIGHT
     persons = frame.uncertain_persons[:HYPOTHESES_ROWS]
     if persons:
@@ -95,7 +95,8 @@ def _draw_results(canvas: pygame.Surface, frame: Frame) -> int:
     if success is not None:
         _write_pair(canvas, "PROBABILITY OF SUCCESS", f"{success:.1%}", top)
         _draw_progress(canvas, success, top + 18)
-        top += 40
+        write(canvas, "of all such persons, found by now", SMALL, GREY, topleft=(0, top + 31))
+        top += 56
     if total is not None:
         digits = 3 if abs(total) < 10 else 0
         _write_pair(canvas, "RETURN", f"{total:,.{digits}f}", top)
@@ -126,15 +127,22 @@ def _draw_scale(canvas: pygame.Surface, look: Look, maximum: float, top: int) ->
         canvas.blit(label, at.clamp(canvas.get_rect()))
 
 
-def _draw_symbols(canvas: pygame.Surface, persons: bool, top: int) -> None:
+def _draw_symbols(canvas: pygame.Surface, frame: Frame, top: int) -> None:
     _heading(canvas, "SYMBOLS", top)
     half, small = WIDTH // 2, sprites.drone(SYMBOL - 4, 0)
     symbols = [
         (0, 0, "drone", (sprites.drone(SYMBOL, 0),)),
         (half, 0, "searching", (sprites.search_ring(SYMBOL + 4), small)),
-        (half if persons else 0, 1, "collision", (sprites.collision(SYMBOL + 6), small)),
+        (half if frame.persons else 0, 1, "collision", (sprites.collision(SYMBOL + 6), small)),
     ]
-    if persons:
+    if frame.flown is not None:
+        symbols[0] = (
+            0,
+            0,
+            "you",
+            (sprites.halo(SYMBOL + 4), sprites.drone(SYMBOL - 8, frame.flown)),
+        )
+    if frame.persons:
         found = (sprites.found(SYMBOL, 0),)
         symbols.append((0, 1, "person", (sprites.person(SYMBOL),)))
         symbols.append((0, 2, "found, in the drone's colour", found))

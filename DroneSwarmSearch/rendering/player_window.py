@@ -23,6 +23,7 @@ ALIASES = {"enter": "return", "[+]": "+", "[-]": "-", "[.]": "."}  # the keypad'
 FONT, LINE, STRIP = 20, 30, 70  # of the text; the heights of a line with its margins, of the strip
 KEY_PAD = 7  # around the name of a key
 CARD_COLUMNS = 140, 190, 70, 90  # widths: name, result, probability of success, return
+CARD_WIDTH = sum(CARD_COLUMNS) + 3 * FONT  # with the margin to its right
 
 
 class PlayerWindow(Window):
@@ -32,18 +33,19 @@ class PlayerWindow(Window):
         self._painters = {
             view: Painter(grid_size, look, view=view, reason=reason) for view in SIDES
         }
-        super().__init__(self._size_of("matrix"))
+        super().__init__(self._size_of("matrix", False))
 
-    def _size_of(self, view: str) -> tuple[int, int]:
+    def _size_of(self, view: str, has_card: bool) -> tuple[int, int]:
+        """The size with a view and its strip, and with room for a score card to the right."""
         width, height = self._painters[view].size
-        return width, height + STRIP
+        return width + CARD_WIDTH * has_card, height + STRIP
 
     def play(self, player: Player) -> str:
         """Show a player until the user quits, and return how; a hidden one only to its end."""
         self.open()
         pygame.key.set_repeat(300, 110)  # milliseconds, for keys that are held down
         shown: object = None
-        view = "matrix"
+        layout = "matrix", False
         while True:
             for event in pygame.event.get():
                 if event.type == pygame.QUIT:
@@ -57,9 +59,10 @@ class PlayerWindow(Window):
                 return "you quit"
             if player.is_at_end and self.is_hidden:
                 return ""  # nobody can press a key
-            if player.view != view:
-                view = player.view
-                self.resize(self._size_of(view))
+            has_card = player.is_at_end and bool(player.recording.scores)
+            if layout != (player.view, has_card):
+                layout = player.view, has_card
+                self.resize(self._size_of(*layout))
             state = player.moment, player.view, player.status, player.hint
             if state != shown:
                 self._draw(player)
@@ -70,12 +73,13 @@ class PlayerWindow(Window):
         frame, towards, progress = player.moment
         picture = self._painters[player.view].paint(frame, towards=towards, progress=progress)
         area = picture.get_rect()
-        canvas = pygame.Surface((area.width, area.height + STRIP), 0, 32)
+        canvas = pygame.Surface(self._size, 0, 32)
+        canvas.fill(PAPER)
         canvas.blit(picture, area)
         _draw_strip(canvas, area.height, player)
-        if player.is_at_end and player.recording.scores:
+        if self._size[0] > area.width:
             card = _score_card(player.recording.scores)
-            canvas.blit(card, card.get_rect(bottomright=area.bottomright))
+            canvas.blit(card, card.get_rect(midleft=area.midright))
         self.draw(canvas)
 
 
@@ -96,7 +100,7 @@ def _draw_strip(canvas: pygame.Surface, top: int, player: Player) -> None:
 
 def _score_card(scores: Sequence[Score]) -> pygame.Surface:
     """The results of everybody who searched, on a card."""
-    card = pygame.Surface((sum(CARD_COLUMNS) + 2 * FONT, LINE * (len(scores) + 2) + FONT), 0, 32)
+    card = pygame.Surface((CARD_WIDTH - FONT, LINE * (len(scores) + 2) + FONT), 0, 32)
     card.fill(PAPER)
     write(card, "Your result", FONT + 6, INK, topleft=(FONT, FONT))
     rows = [("", "result", "POS", "return"), *map(_score_row, scores)]

@@ -39,6 +39,7 @@ SYMBOL_LEAST = 26  # for a legible number, even if symbols then leave their cell
 # the distance from the middle of the cell.
 SHARED_SIZE, SHARED_LEAST, APART_SHARE, APART_LEAST = 0.54, 20, 0.27, 9
 RING_SIZE, RING_MARGIN = 1.2, 8  # of a search ring: in relation to its drone, and at least larger
+HALO_SIZE = 1.85  # of the disc behind the drone that you fly, in relation to it
 COLLISION_SIZE = 2.5  # of the star of a collision, in relation to a drone
 TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 4, 230  # width, least width, that of the last move
 SEARCHED_SHARE, SEARCHED_LEAST = 0.25, 6  # of the mark of a search
@@ -178,6 +179,8 @@ class SearchMap:
             if len(drones) > 1:
                 marks.append((sprites.collision(round(COLLISION_SIZE * size)), middle))
             for drone, place in zip(drones, places, strict=False):
+                if drone == frame.flown:
+                    marks.append((sprites.halo(round(HALO_SIZE * size)), place))
                 if end.searching[drone]:
                     ring = max(round(RING_SIZE * size), size + RING_MARGIN)
                     marks.append((sprites.search_ring(ring), place))

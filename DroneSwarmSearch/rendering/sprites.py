@@ -142,6 +142,14 @@ def search_ring(size: int) -> pygame.Surface:
     return pen.finish()
 
 
+@lru_cache(maxsize=64)
+def halo(size: int) -> pygame.Surface:
+    """The disc behind the drone that you fly."""
+    pen = _Pen(size, INK)
+    pen.discs((1.0, INK), (1.0 - 2.2 * pen.pixel, COLLISION))
+    return pen.finish()
+
+
 @lru_cache(maxsize=512)
 def searched(size: int, opacity: int) -> pygame.Surface:
     """The mark of a cell that was searched; `opacity` is from 0 to 255."""

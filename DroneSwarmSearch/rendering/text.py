@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import sys
+import textwrap
 import time
 from collections import Counter
 from collections.abc import Iterable
@@ -14,45 +15,57 @@ import numpy as np
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.labels import drift, percent, tick_stride
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
+from DroneSwarmSearch.rules import Ending
 
 # From probability 0 to the matrix's maximum; differs from the marks, to be readable behind them.
 RAMP = ".:;=oO%#@"
-SEARCHING, TOGETHER, MISSING, FOUND = "*+PF"
-WIDTH = 160  # characters in a line where the width of the terminal is unknown
+SEARCHING, SEVERAL, MISSING, FOUND = "*+PF"
+WIDTH = 80  # characters in a line where the width of the terminal is unknown
 
 # Without a terminal: the most frames between the first and the last, and the steps between them.
 PRINTED_FRAMES, PRINTED_STRIDE = 5, 10
 
 
-def render_text(frame: Frame, columns: int = WIDTH) -> str:
+def render_text(frame: Frame, columns: int = WIDTH, rows: int | None = None) -> str:
     """The frame as lines of ASCII without escape codes, without a newline at the end.
 
     A cell ends with the character of its probability. Before it come drones by number, `*` after
     one that searches, `+` between drones of a cell, `P` for a missing person (with a count of
-    several), `F1` for one found there by drone 1. Cells are separated by a space if they then fit
-    `columns`.
+    several), `F1` for one found there by drone 1. Cells keep their width during an episode: `+`
+    stands for what does not fit, which is listed below the map. If the map is larger than
+    `columns` and `rows`, a place of the map stands for a square of cells.
     """
-    size, tokens = frame.grid_size, _tokens(frame)
-    # Room for the mark of a search is reserved: the width of a cell then changes from
-    # frame to frame only where several things meet.
-    usual = len(f"{len(frame.drones) - 1}{SEARCHING}")
-    width = max([usual, *map(len, tokens.values())]) + 1
+    size = frame.grid_size
     margin = len(str(size - 1)) + 1
-    if margin + (width + 1) * size <= columns:
-        width += 1
-    numbers = ""
-    for x in range(0, size, tick_stride(margin, width)):
-        numbers = numbers.ljust((x + 1) * width - len(str(x))) + str(x)
-    lines = [*_header(frame), " " * margin + numbers]
-    levels = np.rint(shares_of_maximum(frame.matrix) * (len(RAMP) - 1)).astype(np.intp)
+    # The other lines: status, numbers of columns, ending, cells in full, legend.
+    high = size if rows is None else rows - 7 - len(frame.uncertain_persons)
+    side = math.ceil(size / max(1, min(columns - margin, high)))  # of a place, in cells
+    edges = np.arange(0, size, side)
+    width = min((columns - margin) // len(edges), len(f"{len(frame.drones) - 1}{SEARCHING}") + 3)
+    numbers = " " * margin
+    for x in range(0, len(edges), tick_stride(margin, width)):
+        numbers = numbers.ljust(margin + (x + 1) * width - len(str(edges[x]))) + str(edges[x])
+    tokens, room = _tokens(frame, side), max(1, width - 1)
+
+    def fit(token: str) -> str:
+        shorter = token, FOUND + token.rpartition(FOUND)[2], token.rstrip(SEARCHING), SEVERAL
+        return next(part for part in shorter if len(part) <= room)
+
+    fitted = {place: fit(token) for place, token in tokens.items()}
+    sums = np.add.reduceat(np.add.reduceat(frame.matrix, edges, axis=0), edges, axis=1)
+    levels = np.rint(shares_of_maximum(sums) * (len(RAMP) - 1)).astype(np.intp)
+    lines = [*_header(frame, columns), numbers]
     for y, row in enumerate(levels.tolist()):
-        cells = ((tokens.get((x, y), "") + RAMP[level]).rjust(width) for x, level in enumerate(row))
-        lines.append(f"{y:{margin - 1}} " + "".join(cells))
-    return "\n".join([*lines, _legend(frame)])
+        texts = (fitted.get((x, y), "") + RAMP[level] for x, level in enumerate(row))
+        cells = (text[:width].rjust(width) for text in texts)
+        lines.append(f"{side * y:{margin - 1}} " + "".join(cells))
+    cut = tokens.items() - fitted.items()
+    full = (f"({side * x}, {side * y}): {token}" for (x, y), token in sorted(cut))
+    return "\n".join([*lines, *_joined(full, columns), *_legend(frame, columns, side, sums.max())])
 
 
 def print_frames(frames: Iterable[Frame], fps: float) -> None:
-    """Draw the frames of an episode in place on a terminal, at `fps`, cut off at its edges.
+    """Draw the frames of an episode in place on a terminal, at `fps`, as large as fits it.
 
     To any other output, print a selection of whole frames.
     """
@@ -61,10 +74,10 @@ def print_frames(frames: Iterable[Frame], fps: float) -> None:
         stride = max(PRINTED_STRIDE, math.ceil(frame.timestep_limit / PRINTED_FRAMES))
         if in_place:
             columns, rows = shutil.get_terminal_size()
-            lines = render_text(frame, columns).split("\n")[: rows - 1]
+            lines = render_text(frame, columns, rows - 1).split("\n")[: rows - 1]
             if height:
                 print(f"\x1b[{height}A\x1b[J", end="")
-            print("\n".join(line[:columns] for line in lines), flush=True)
+            print("\n".join(lines), flush=True)
             height = len(lines)
             time.sleep(1 / fps)
         elif frame.ending is not None or frame.step % stride == 0:
@@ -73,44 +86,59 @@ def print_frames(frames: Iterable[Frame], fps: float) -> None:
         print()
 
 
-def _header(frame: Frame) -> list[str]:
+def _header(frame: Frame, columns: int) -> list[str]:
     """Time, drift and results so far; hypotheses; at the end of an episode, its outcome."""
     (time, so_far, limit), (unit, components) = frame.progress, drift(frame)
     status = [f"{time} {so_far}/{limit}", f"drift {', '.join(map(' '.join, components))} {unit}"]
     if frame.persons:
-        status.append(f"persons found {sum(frame.found)}/{len(frame.persons)}")
+        status.append(f"found {sum(frame.found)}/{len(frame.persons)}")
     if frame.probability_of_success is not None:
         status.append(f"POS {frame.probability_of_success:.1%}")
-    lines = [" | ".join(status)]
+    lines = _joined(status, columns)
     for person in frame.uncertain_persons:
         weights = " ".join(f"{weight:.0%}" for weight in frame.hypotheses[person])
         whose = f" of person {person}" if len(frame.hypotheses) > 1 else ""
-        lines.append(f"hypotheses{whose}: {weights}")
+        lines += _joined([f"hypotheses{whose}: {weights}"], columns)
     if frame.ending is not None:
-        lines.append(f"{frame.outcome} ({frame.ending.description})")
+        lines += _joined([f"{frame.outcome} ({frame.ending.description})"], columns)
+        if frame.ending is Ending.FOUND and frame.probability_of_success is not None:
+            success = f"{frame.probability_of_success:.1%}"
+            lines.append(f"Found here; of all such persons, {success} are found by now")
     return lines
 
 
-def _tokens(frame: Frame) -> dict[tuple[int, int], str]:
+def _joined(parts: Iterable[str], columns: int) -> list[str]:
+    """Lines of the parts, with bars between them; a part that fits a line is not broken."""
+    whole = " | ".join(part.replace(" ", "\xa0") for part in parts)
+    lines = textwrap.wrap(whole, columns)
+    return [line.replace("\xa0", " ").removesuffix(" |") for line in lines]
+
+
+def _tokens(frame: Frame, side: int) -> dict[tuple[int, int], str]:
+    """What is at each place of the map, which has `side` cells along a side."""
+    drones, persons = (
+        [(x // side, y // side) for x, y in cells] for cells in (frame.drones, frame.persons)
+    )
     tokens: dict[tuple[int, int], str] = {}
-    for number, (cell, searching) in enumerate(zip(frame.drones, frame.searching, strict=True)):
-        before = tokens[cell] + TOGETHER if cell in tokens else ""
-        tokens[cell] = f"{before}{number}{SEARCHING if searching else ''}"
-    finds = list(zip(frame.persons, frame.found_by, strict=True))
-    missing = [cell for cell, drone in finds if drone is None and not frame.hide_persons]
-    for cell, count in Counter(missing).items():
-        tokens[cell] = tokens.get(cell, "") + MISSING + (str(count) if count > 1 else "")
-    for cell, drone in finds:
+    for number, (place, searching) in enumerate(zip(drones, frame.searching, strict=True)):
+        before = tokens[place] + SEVERAL if place in tokens else ""
+        tokens[place] = f"{before}{number}{SEARCHING if searching else ''}"
+    finds = list(zip(persons, frame.found_by, strict=True))
+    missing = [place for place, drone in finds if drone is None and not frame.hide_persons]
+    for place, count in Counter(missing).items():
+        tokens[place] = tokens.get(place, "") + MISSING + (str(count) if count > 1 else "")
+    for place, drone in finds:
         if drone is not None:
-            tokens[cell] = f"{tokens.get(cell, '')}{FOUND}{drone}"
+            tokens[place] = f"{tokens.get(place, '')}{FOUND}{drone}"
     return tokens
 
 
-def _legend(frame: Frame) -> str:
+def _legend(frame: Frame, columns: int, side: int, maximum: float) -> list[str]:
     last = len(frame.drones) - 1
     numbers = "0" if last == 0 else f"0-{last}"
-    meanings = [f"{numbers} drone, {SEARCHING} searching, {TOGETHER} same cell"]
+    meanings = [f"{numbers} drone, {SEARCHING} searching, {SEVERAL} more, listed below"]
     if frame.persons:
-        meanings.append(f"person: {MISSING} missing, {FOUND}0 found by drone 0")
-    meanings.append(f"{RAMP} probability, 0 to {percent(float(frame.matrix.max()))}")
-    return " | ".join(meanings)
+        meanings.append(f"{MISSING} person, {FOUND}0 found by drone 0")
+    of = f" of {side} x {side} cells" if side > 1 else ""
+    meanings.append(f"{RAMP} probability{of}, 0 to {percent(maximum)}")
+    return _joined(meanings, columns)
