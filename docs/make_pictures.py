@@ -1,14 +1,16 @@
 """Make the pictures of the README and the documentation in `docs/images`.
 
-    python docs/make_pictures.py [logo | video | gallery | plan ...]
+    python docs/make_pictures.py [logo | video | gallery | plan | trained ...]
 
-The same versions of the code, pygame and Pillow give the same bytes.
+The last one needs the extra "ppo", and trains for a minute. The same versions of the code, pygame
+and Pillow give the same bytes.
 """
 
 from __future__ import annotations
 
 import re
 import shlex
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +29,8 @@ from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering.film import Film
 from DroneSwarmSearch.rendering.video import write_pictures
 
-IMAGES = Path(__file__).parent / "images"
+ROOT = Path(__file__).parents[1]
+IMAGES = ROOT / "docs" / "images"
 
 # The gallery.
 
@@ -94,13 +97,30 @@ def plan() -> None:
         picture.quantize(64).save(IMAGES / "plan.png", optimize=True)
 
 
-PICTURES = {"logo": logo, "video": video, "gallery": gallery, "plan": plan}
+def trained() -> None:
+    """Run the training of the tutorial, and record what it trained."""
+    tutorial = (IMAGES.parent / "tutorial.md").read_text("utf-8")
+    (train,) = re.findall(r"^python (examples/train_.* --out) runs/first$", tutorial, re.M)
+    (policy,) = re.findall(r"play runs/first/search\.json --policy (\S+)$", tutorial, re.M)
+    with TemporaryDirectory() as folder:
+        subprocess.run([sys.executable, *train.split(), folder], cwd=ROOT, check=True)
+        record(
+            f"{ROOT}/{policy.replace('runs/first', folder)}",
+            f"{folder}/search.json",
+            IMAGES / "trained.gif",
+            seed=27,
+            name="trained",
+            title="After a minute of training",
+        )
+
+
+PICTURES = {"logo": logo, "video": video, "gallery": gallery, "plan": plan, "trained": trained}
 
 
 def main() -> None:
-    """Make the pictures named on the command line, or all of them."""
+    """Make the pictures named on the command line, or all except `trained`."""
     IMAGES.mkdir(exist_ok=True)
-    for name in sys.argv[1:] or PICTURES:
+    for name in sys.argv[1:] or [name for name in PICTURES if name != "trained"]:
         PICTURES[name]()
 
 
