@@ -70,7 +70,7 @@ def gallery() -> None:
     for policy, each in played.items():
         film = Film(every, title=policy, width=WIDTH)
         path = IMAGES / f"gallery-{policy}.gif"
-        write_pictures(path, map(film.pixels, each), fps=FPS, hold=3.0, gif_width=WIDTH)
+        write_pictures(path, map(film.pixels, each), fps=FPS, hold=3.0)
 
 
 def frames(policy: str, where: NamedSearch) -> list[Frame]:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Tracks, cli, demo
+from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Tracks, cli
 from DroneSwarmSearch.evaluation import Episodes, Evaluation, NamedSearch, View, recording
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.planning import SuccessBound
@@ -293,15 +293,13 @@ def module_at(path: Path) -> ModuleType:
 
 def few_pictures(patch: pytest.MonkeyPatch) -> None:
     """Let videos show the first and the last frame only."""
-    for module in (demo, recording):
+    write = recording.write_video
 
-        def write(
-            path: Path, frames: Any, painter_of: Any, *, write: Any = module.write_video, **how: Any
-        ) -> None:
-            every = [*frames]
-            write(path, [every[0], every[-1]], painter_of, **how)
+    def write_few(path: Path, frames: Any, look: Any, **how: Any) -> None:
+        every = [*frames]
+        write(path, [every[0], every[-1]], look, **how)
 
-        patch.setattr(module, "write_video", write)
+    patch.setattr(recording, "write_video", write_few)
 
 
 def refusal(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:

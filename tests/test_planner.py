@@ -186,12 +186,12 @@ class TestProgress:
     def clock(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Every look at the clock takes a second."""
         ticks = itertools.count()
-        monkeypatch.setattr("DroneSwarmSearch._internal.progress.time.monotonic", ticks.__next__)
+        monkeypatch.setattr("tqdm.std.time", ticks.__next__)
 
     def test_a_long_plan_shows_a_bar_on_a_terminal(self, monkeypatch: pytest.MonkeyPatch) -> None:
         terminal = Terminal()
         monkeypatch.setattr(sys, "stderr", terminal)
         paths_of(planner(A_SEARCH), A_SEARCH)
         shown = terminal.getvalue()
-        assert "planning [" in shown and "%" in shown
-        assert shown.endswith("\r\x1b[K"), "the bar disappears"
+        assert "planning: " in shown and "%" in shown
+        assert not shown.rstrip("\r").rpartition("\r")[2].strip(), "the bar disappears"

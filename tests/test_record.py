@@ -113,17 +113,21 @@ class TestVideo:
         assert list(tmp_path.iterdir()) == [path]
 
     @pytest.mark.parametrize("scale", [None, Scale(150, 10)])
-    def test_a_search_at_sea_is_shown_as_one(self, tmp_path, monkeypatch, scale):
+    def test_story_scale_and_palette_are_shown(self, tmp_path, monkeypatch, scale):
         made: dict[str, Any] = {}
 
-        def write(path: Path, frames: Any, painter_of: Any, **timing: float) -> None:
-            played = list(frames)
-            made.update(painter=painter_of(played), scales={frame.scale for frame in played})
+        def write(path: Path, frames: Any, look: Any, *, title: str, **timing: float) -> None:
+            scales = {frame.scale for frame in frames}
+            made.update(title=title, palette=look.palette, scales=scales)
 
         monkeypatch.setattr(recording, "write_video", write)
-        record(Watcher(), replace(small(), scale=scale), tmp_path / "video.gif", both=True)
-        assert made["scales"] == {scale}
-        assert made["painter"].size == Painter(5, view="both", reason="For tests.").size
+        where, path = replace(small(), scale=scale), tmp_path / "video.gif"
+        record(Watcher(), where, path)
+        assert made == {"title": "For tests.", "palette": "sea", "scales": {scale}}
+        record(Watcher(), where, path, title="Mine", palette="classic")
+        assert (made["title"], made["palette"]) == ("Mine", "classic")
+        with pytest.raises(ValueError, match="palette must be one of 'sea', 'classic', got 'red'"):
+            record(Watcher(), where, path, palette="red")
 
     def test_a_video_holds_the_last_picture(self, tmp_path, monkeypatch):
         monkeypatch.setattr(recording, "HOLD", 1.0)
@@ -166,7 +170,7 @@ class TestWriting:
 
     @staticmethod
     def write(path: Path, pictures: Any, fps: float = 5, hold: float = 1) -> None:
-        write_pictures(path, pictures, fps=fps, hold=hold, gif_width=600)
+        write_pictures(path, pictures, fps=fps, hold=hold)
 
     def test_an_interrupt_keeps_the_existing_video(self, path):
         def failing() -> Iterator[NDArray[np.uint8]]:

@@ -178,7 +178,8 @@ def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Name
         if rows:
             print_table([*rows[0]], [[*row.values()] for row in rows])
             print()
-    shown = "posterior" if options.posterior else "prior"
+    updates = {each.search.scenario.bayesian_update for each in evaluations}
+    shown = " or ".join(("prior", "posterior")[each] for each in sorted(updates))
     print(
         f"{options.episodes} episodes of each search, seeds from {options.seed}, suite "
         f"{SUITE_VERSION}, {shown} shown.\nFigures without an interval are exact, except returns, "

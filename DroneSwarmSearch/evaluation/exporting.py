@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import replacing
-from DroneSwarmSearch._internal.progress import Progress
+from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.evaluation.stage import prepared, view_of
@@ -78,7 +78,7 @@ def export(
 
     maps, episodes = Maps(), []
     title, total = f"episodes of {where.name}", len(specs) * len(numbers)
-    with replacing(Path(path)) as spare, Progress(title, total) as bar:
+    with replacing(Path(path)) as spare, progress(title, total) as bar:
         for spec, seen in zip(specs, views, strict=True):
             mine = where.with_posterior(seen.bayesian_update)
             policy = prepared(spec, mine)

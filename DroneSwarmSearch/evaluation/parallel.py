@@ -8,11 +8,11 @@ from functools import partial
 from typing import Any
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.progress import Progress
+from DroneSwarmSearch._internal.progress import progress
 
 
 def finished(
-    calls: Sequence[partial[Any]], what: str, workers: int, ray: str | None, progress: bool
+    calls: Sequence[partial[Any]], what: str, workers: int, ray: str | None, shown: bool
 ) -> Iterator[Any]:
     """Make calls, show their progress, and yield their results in order.
 
@@ -20,7 +20,7 @@ def finished(
     at the end.
     """
     count = checks.integer("workers", workers, 1)
-    with Progress(what, len(calls), progress) as bar:
+    with progress(what, len(calls), shown) as bar:
         results: Any = (call() for call in calls)
         if calls and (ray is not None or count > 1):
             joblib = _imported("joblib", "workers > 1 needs the package joblib", "evaluation")

@@ -61,16 +61,17 @@ class PolicySpec:
         found: Any
         file: str | None
         arguments: tuple[str, ...] = ()
+        own_name = policy
         if policy.endswith(".npz"):
             Network.load(policy)
-            found, file, arguments = PPOPolicy, policy, (policy,)
+            found, file, arguments, own_name = PPOPolicy, policy, (policy,), Path(policy).stem
         elif policy.endswith(".zip"):
             from DroneSwarmSearch.adapters.sb3 import SB3Policy
 
-            found, file, arguments = SB3Policy, policy, (policy,)
+            found, file, arguments, own_name = SB3Policy, policy, (policy,), Path(policy).stem
         elif parts := re.fullmatch(r"(.+\.py|[\w.]+):(\w+)(?::(.+))?", policy):
-            where, attribute, argument = parts.groups()
-            found, file = _imported(where, attribute)
+            where, own_name, argument = parts.groups()
+            found, file = _imported(where, own_name)
             if argument is not None:
                 arguments = (argument,)
         elif policy in POLICIES:
@@ -89,7 +90,7 @@ class PolicySpec:
         if files:
             content = b"".join(each.read_bytes() for each in dict.fromkeys(files))
             source["sha256"] = hashlib.sha256(content).hexdigest()
-        return cls(name or policy, source, found, arguments)
+        return cls(name or own_name, source, found, arguments)
 
     def make(self, scenario: Scenario) -> Callable[..., Any]:
         """Make the policy for a search with the given scenario."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.progress import Progress
+from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.stage import PolicyLike, prepared, steering, view_of
@@ -92,7 +92,7 @@ def record(
             yield replace(last, policy=spec.name, scale=where.scale)
 
     story = where.reason if title is None else title
-    with Progress(f"video of {spec.name}", where.scenario.timestep_limit) as bar:
+    with progress(f"video of {spec.name}", where.scenario.timestep_limit) as bar:
         write_video(target, frames(), Look(palette=palette), title=story, fps=rate, hold=HOLD)
     assert last is not None
     return Video(target, last)

@@ -69,7 +69,7 @@ def evaluate(
         out: a folder for a manifest and the finished result, which the same call then reads. The
             results of policies in memory are written, but not read.
         name: the policy's name in results.
-        progress: show a progress bar after two seconds.
+        progress: show a progress bar on a terminal, if tqdm is installed.
 
     Raises:
         TypeError: an argument, or what the policy returns, is of the wrong type.

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 
-from DroneSwarmSearch._internal.progress import Progress
+from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.planning.passes import Target
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan, Report, idle_paths
@@ -56,7 +54,7 @@ class PlannerPolicy(PlannedPolicy):
     """Plans the paths of all drones together, from its own beliefs (`BeliefTracker`).
 
     The first plan of a scenario takes seconds on a large grid; searches that begin in the same
-    way share it. On a terminal, a bar on stderr shows the progress after two seconds.
+    way share it. With tqdm installed, a bar shows the progress.
 
     A plan maximises the probability of success by the limit, with several persons its mean over
     those who are missing, and among nearly equal plans prefers early finds (``EARLY_BONUS``). Of
@@ -88,7 +86,7 @@ class PlannerPolicy(PlannedPolicy):
             for policy in self._initial
         ]
         initial = [self._paths(self.simulated(act, tracker, cells)[0]) for act in acts]
-        with Progress("planning", 1.0, sys.stderr.isatty()) as bar:
+        with progress("planning", 1.0) as bar:
             return self._steps(self._improved(tracker, initial, bar))
 
     def _improved(
