@@ -264,7 +264,7 @@ def test_command(command, tmp_path, monkeypatch):
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     shutil.copy(ROOT / "basic_env.py", tmp_path)
     if "--after" in arguments:
-        (first,) = (each.arguments for each in commands() if "--position" in each.arguments)
+        first = next(each.arguments for each in commands() if "--position" in each.arguments)
         run_here([*first, "--policy", "greedy-posterior"], tmp_path, monkeypatch)
     if "--ray" in command.arguments or "--workers" in arguments:
         printed = run_python(arguments, tmp_path)
