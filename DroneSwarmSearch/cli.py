@@ -14,7 +14,6 @@ from typing import Any
 
 from DroneSwarmSearch import demo
 from DroneSwarmSearch.evaluation import commands
-from DroneSwarmSearch.evaluation.options import add_view
 from DroneSwarmSearch.incident import command as plan
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.palette import PALETTES
@@ -173,11 +172,11 @@ def _parser() -> argparse.ArgumentParser:
         command = several.add_parser(
             name, help=summary, description=description, epilog=more, formatter_class=FORMAT
         )
-        command.set_defaults(command=name, parser=command)
-        if name == "play":
-            demo.add_arguments(command)
-        elif name == "plan":
-            plan.add_arguments(command)
+        command.set_defaults(parser=command, function=getattr(commands, name, None))
+        if name in ("play", "plan"):
+            module = demo if name == "play" else plan
+            module.add_arguments(command)
+            command.set_defaults(function=module.run)
         elif name in ("record", "export"):
             _add_files(command, name)
         else:
@@ -202,7 +201,7 @@ def _add_files(parser: argparse.ArgumentParser, name: str) -> None:
     kind = "the video, .gif or .mp4" if name == "record" else "the file, .json"
     add("--out", metavar="FILE", required=True, help=kind)
     add("--posterior", action="store_true", default=None, help=POSTERIOR)
-    add_view(parser)
+    commands.add_view(parser)
 
 
 def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
@@ -233,7 +232,7 @@ def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
         add("--episodes", metavar="N", type=int, default=2000, help="per search (default: 2000)")
         add("--seed", metavar="S", type=int, default=0, help="of the first episode (default: 0)")
         add("--posterior", action="store_true", default=None, help=POSTERIOR)
-        add_view(parser)
+        commands.add_view(parser)
         alike = "it always acts alike after the same observations: exact success and time"
         add("--deterministic", action="store_true", default=None, help=alike)
     has_joblib = importlib.util.find_spec("joblib") is not None

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.env import DroneSwarmSearch
-from DroneSwarmSearch.evaluation.options import add_view, view_from
+from DroneSwarmSearch.evaluation.commands import add_view, view_from
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.recording import record
 from DroneSwarmSearch.evaluation.stage import prepared, steering, view_of

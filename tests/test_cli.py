@@ -22,7 +22,7 @@ from helpers import bound_by_time, refusal
 from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch._internal.progress import progress
-from DroneSwarmSearch.evaluation import SUITE, View, commands, evaluate
+from DroneSwarmSearch.evaluation import SUITE, View, evaluate
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS
@@ -93,7 +93,7 @@ def test_every_command_has_help(capsys):
 @pytest.mark.parametrize("arguments", [[], ["play"], ["--text"]])
 def test_the_default_command_is_play(arguments, monkeypatch):
     seen: list[Any] = []
-    monkeypatch.setitem(commands._COMMANDS, "play", seen.append)
+    monkeypatch.setattr("DroneSwarmSearch.demo.run", seen.append)
     assert command.main(arguments) == 0
     assert [options.text for options in seen] == ["--text" in arguments]
 

@@ -28,7 +28,6 @@ from DroneSwarmSearch.evaluation import (
 from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rendering.palette import NOT_FOUND
 from DroneSwarmSearch.rendering.video import SUFFIXES, write_pictures
 from DroneSwarmSearch.rules import Action, Ending
@@ -226,7 +225,7 @@ class TestCommand:
         arguments = ["record", "pond", "--policy", "greedy-posterior", "--seed", "3", "--fps", "50"]
         assert command.main([*arguments, "--out", str(path)]) == 0
         last = frames("greedy-posterior", SUITE["pond"], seed=3)[-1]
-        output = f"{path}: greedy-posterior searching pond, {outcome_in_brief(last)}\n"
+        output = f"{path}: greedy-posterior searching pond. {last.outcome}\n"
         assert capsys.readouterr().out == output
         assert path.stat().st_size > 10_000
 

@@ -6,6 +6,7 @@ Every drone is a sub-environment, and all drones share one policy; see examples/
 from __future__ import annotations
 
 import inspect
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -187,17 +188,13 @@ class SB3Policy(TrainedPolicy):
 
 def _view_of(policy: ActorCriticPolicy, scenario: Scenario) -> View:
     """The view whose observations have the shapes of those of the training."""
-    space = policy.observation_space
-    in_dict = isinstance(space, spaces.Dict) and "action_mask" in space.spaces
-    shown = space["observation"] if in_dict else space
-    has_masks, form = in_dict or _uses_masks(policy), "drone"
-    if isinstance(policy.action_space, spaces.MultiDiscrete):
-        form = "swarm"
-    batch = SearchBatch(1, scenario=scenario)
-    for layout in LAYOUTS:
-        each = BatchObservations(batch, layout, form == "swarm", TOP_CELLS, True).space
-        if _shapes(each) == _shapes(shown):
-            return View(form, layout, has_masks, has_masks, bayesian_update=True)
+    space, batch = policy.observation_space, SearchBatch(1, scenario=scenario)
+    form = "swarm" if isinstance(policy.action_space, spaces.MultiDiscrete) else "drone"
+    for layout, masks in itertools.product(LAYOUTS, (None, True)):
+        each = BatchObservations(batch, layout, form == "swarm", TOP_CELLS, True, masks).space
+        if _shapes(each) == _shapes(space):
+            is_masked = bool(masks) or _uses_masks(policy)
+            return View(form, layout, is_masked, is_masked, bayesian_update=True)
     raise ValueError(
         f"the model must observe a layout of a search of {scenario.grid_size} x "
         f"{scenario.grid_size} cells with n_drones={scenario.n_drones}, got {space}"
@@ -206,7 +203,7 @@ def _view_of(policy: ActorCriticPolicy, scenario: Scenario) -> View:
 
 def _shapes(space: spaces.Space[Any]) -> Any:
     if isinstance(space, spaces.Dict):
-        return {name: each.shape for name, each in space.items()}
+        return {name: _shapes(each) for name, each in space.items()}
     return space.shape
 
 

@@ -12,16 +12,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from DroneSwarmSearch import demo, policies
+from DroneSwarmSearch import policies
 from DroneSwarmSearch.evaluation import board, exporting, recording, suite
-from DroneSwarmSearch.evaluation.options import view_from
 from DroneSwarmSearch.evaluation.results import Evaluation, csv_text, save_csv
 from DroneSwarmSearch.evaluation.run import bounds_of, check_names, manifest
 from DroneSwarmSearch.evaluation.run_folder import RunFolder, file_name
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch
 from DroneSwarmSearch.evaluation.tables import WIDTH, figure, percent, print_table
-from DroneSwarmSearch.incident import command
-from DroneSwarmSearch.rendering.labels import outcome_in_brief
+from DroneSwarmSearch.layouts import LAYOUTS
+from DroneSwarmSearch.layouts.view import FORMS, View
 from DroneSwarmSearch.rules import Ending
 
 FAILED, INTERRUPTED = 1, 130  # exit codes; 130 is the shells' code for Ctrl-C
@@ -35,7 +34,7 @@ def run(options: argparse.Namespace) -> int:
         with warnings.catch_warnings():
             warnings.simplefilter("default", UserWarning)
             warnings.showwarning = lambda text, *_, **__: print(f"warning: {text}", file=sys.stderr)
-            _COMMANDS[options.command](options)
+            options.function(options)
         return 0
     except KeyboardInterrupt:
         reason, code = "interrupted", INTERRUPTED
@@ -56,7 +55,8 @@ def run(options: argparse.Namespace) -> int:
     return code
 
 
-def _evaluate(options: argparse.Namespace) -> None:
+def evaluate(options: argparse.Namespace) -> None:
+    """Evaluate a policy, and print a table."""
     if options.list:
         _print_suite()
         return
@@ -73,7 +73,8 @@ def _evaluate(options: argparse.Namespace) -> None:
         print(f"written to {path}", file=sys.stderr)
 
 
-def _leaderboard(options: argparse.Namespace) -> None:
+def leaderboard(options: argparse.Namespace) -> None:
+    """Compare policies: tables, plots, a CSV file."""
     found = _board(options, options.add)
     for title, (headers, *rows) in (
         ("Success in %; the best policy of each search has a star", found.search_table),
@@ -86,7 +87,8 @@ def _leaderboard(options: argparse.Namespace) -> None:
     print(textwrap.fill(", ".join(path.name for path in files), WIDTH, break_on_hyphens=False))
 
 
-def _bound(options: argparse.Namespace) -> None:
+def bound(options: argparse.Namespace) -> None:
+    """Print upper bounds on success."""
     searches = _searches(options)
     folder, how = RunFolder(options.out, manifest(searches)), (options.workers, options.ray)
     bounds = bounds_of(searches, folder, *how, True)
@@ -100,15 +102,16 @@ def _bound(options: argparse.Namespace) -> None:
     print_table([*headers, "duality gap, %", "confidence"], rows, words=1)
 
 
-def _record(options: argparse.Namespace) -> None:
+def record(options: argparse.Namespace) -> None:
+    """Record a video."""
     search = suite.search_on_grid(options.search)
     how = {"view": view_from(options), "fps": options.fps, "palette": options.palette}
     video = recording.record(options.policy, search, options.out, seed=options.seed, **how)
-    outcome = outcome_in_brief(video.last)
-    print(f"{options.out}: {options.policy} searching {search.name}, {outcome}")
+    print(f"{options.out}: {options.policy} searching {search.name}. {video.last.outcome}")
 
 
-def _export(options: argparse.Namespace) -> None:
+def export(options: argparse.Namespace) -> None:
+    """Write episodes as JSON."""
     search = suite.search_on_grid(options.search)
     how = {"seeds": options.seeds, "view": view_from(options)}
     data = exporting.export(options.policies, search, options.out, **how)
@@ -116,15 +119,21 @@ def _export(options: argparse.Namespace) -> None:
     print(f"{options.out}: {count} episode{'s' * (count > 1)} of {search.name}")
 
 
-_COMMANDS = {
-    "play": demo.run,
-    "plan": command.run,
-    "evaluate": _evaluate,
-    "leaderboard": _leaderboard,
-    "bound": _bound,
-    "record": _record,
-    "export": _export,
-}
+def add_view(parser: argparse.ArgumentParser) -> None:
+    """The options of a `View`, but for what the matrix is."""
+    group = parser.add_argument_group("what your own policy sees, if it does not state its view")
+    add = group.add_argument
+    add("--view", choices=FORMS, help="the form of observations and actions (default: what works)")
+    add("--observation", choices=LAYOUTS, default="dict", help="the layout (default: dict)")
+    add("--action-mask", action="store_true", help="also show it masks of valid actions")
+    add("--right-of-way", action="store_true", help="these masks prevent all collisions")
+
+
+def view_from(options: argparse.Namespace) -> View:
+    """The `View` of these options and `--posterior`, where the command has it."""
+    masks = options.action_mask, options.right_of_way
+    posterior = getattr(options, "posterior", None)
+    return View(options.view, options.observation, *masks, posterior)
 
 
 def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leaderboard:

@@ -64,15 +64,8 @@ class Display:
         return file.getvalue()
 
     def open(self) -> None:
-        """Open the window, even if the user has closed it before; do nothing if it is open.
-
-        It warns if that fails, since the episode continues.
-        """
+        """Let `show` open the window again, even if the user has closed it before."""
         self._is_dismissed = False
-        try:
-            self._window.open()
-        except RuntimeError as problem:
-            self._dismiss(f"{problem}; the episode continues without a window, and")
 
     def show(self, frame: Frame) -> None:
         """Show a frame in the window; warn if that fails, since the episode continues."""

@@ -3,19 +3,6 @@
 from __future__ import annotations
 
 from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.rules import Ending
-
-
-def outcome_in_brief(frame: Frame) -> str:
-    """How an episode ended, in a few words; empty before its end."""
-    if frame.ending is None:
-        return ""
-    result = {Ending.FOUND: "found", Ending.COVERED: "covered"}.get(frame.ending)
-    if frame.ending is Ending.TIME_LIMIT:
-        result = "not found" if frame.persons else "not covered"
-    if result is not None:
-        return f"{result} in {frame.step} step{'' if frame.step == 1 else 's'}"
-    return f"{frame.ending.description} in step {frame.step}"
 
 
 def drift(frame: Frame) -> tuple[str, list[tuple[str, str]]]:

@@ -29,8 +29,7 @@ HEADING, SMALL, BODY, LARGE = 18, 19, 22, 42  # font sizes
 
 # Of the sections; those below grow with their content.
 RESULTS_TOP, DRIFT_HEIGHT, SCALE_HEIGHT, SYMBOLS_HEIGHT = 92, 112, 88, 144
-HYPOTHESES_HEAD, HYPOTHESES_ROW, HYPOTHESES_ROWS = 44, 22, 3
-DRONES_HEAD, DRONE_ROW, DRONE_COLUMNS, DRONE_SYMBOL = 22, 29, 8, 25
+HYPOTHESES_ROW, HYPOTHESES_ROWS = 22, 3
 COMPASS = 62
 SYMBOL = 24
 NAME_WIDTH = 62  # left of a bar
@@ -53,8 +52,6 @@ def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look) -> None:
             bar = pygame.Rect(NAME_WIDTH, top + 20 + row * HYPOTHESES_ROW, WIDTH - NAME_WIDTH, 17)
             write(canvas, f"person {person}", SMALL, INK, midleft=(0, bar.centery))
             _draw_weights(canvas, frame.hypotheses[person], bar)
-        top += HYPOTHESES_HEAD + HYPOTHESES_ROW * len(persons)
-    _draw_drones(canvas, len(frame.drones), top)
 
 
 def _heading(canvas: pygame.Surface, text: str, top: int, right: str = "") -> None:
@@ -136,12 +133,8 @@ def _draw_symbols(canvas: pygame.Surface, frame: Frame, top: int) -> None:
         (half if frame.persons else 0, 1, "collision", (sprites.collision(SYMBOL + 6), small)),
     ]
     if frame.flown is not None:
-        symbols[0] = (
-            0,
-            0,
-            "you",
-            (sprites.halo(SYMBOL + 4), sprites.drone(SYMBOL - 8, frame.flown)),
-        )
+        yours = sprites.halo(SYMBOL + 4), sprites.drone(SYMBOL - 8, frame.flown)
+        symbols[0] = (0, 0, "you", yours)
     if frame.persons:
         found = (sprites.found(SYMBOL, 0),)
         symbols.append((0, 1, "person", (sprites.person(SYMBOL),)))
@@ -163,13 +156,3 @@ def _draw_weights(canvas: pygame.Surface, weights: tuple[float, ...], bar: pygam
         label = text_line(f"{weights[number]:.0%}", SMALL, readable_on(colour))
         if label.get_width() < part.width:
             canvas.blit(label, label.get_rect(center=part.center))
-
-
-def _draw_drones(canvas: pygame.Surface, drones: int, top: int) -> None:
-    """The number of drones, and as many of them as fit."""
-    _heading(canvas, "DRONES", top, f"{drones}")
-    rows = (HEIGHT - top - DRONES_HEAD) // DRONE_ROW
-    for number in range(min(drones, rows * DRONE_COLUMNS)):
-        row, column = divmod(number, DRONE_COLUMNS)
-        left, middle = column * WIDTH // DRONE_COLUMNS, top + 34 + row * DRONE_ROW
-        canvas.blit(sprites.drone(DRONE_SYMBOL, number), (left, middle - DRONE_SYMBOL // 2))

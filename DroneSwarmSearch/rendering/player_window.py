@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import pygame
 
-from DroneSwarmSearch.rendering.labels import outcome_in_brief
 from DroneSwarmSearch.rendering.painter import SIDES, Painter
 from DroneSwarmSearch.rendering.palette import FAINT, GREY, INK, PAPER, WHITE, Look
 from DroneSwarmSearch.rendering.player import Player, Score
@@ -18,11 +17,9 @@ PICTURES_PER_SECOND = 30
 LONGEST_PAUSE = 0.1
 """Seconds that pass at most between two pictures; a slower machine shows slower motion."""
 
-ALIASES = {"enter": "return", "[+]": "+", "[-]": "-", "[.]": "."}  # the keypad's names of keys
-
 FONT, LINE, STRIP = 20, 30, 70  # of the text; the heights of a line with its margins, of the strip
 KEY_PAD = 7  # around the name of a key
-CARD_COLUMNS = 140, 190, 70, 90  # widths: name, result, probability of success, return
+CARD_COLUMNS = 140, 240, 70, 90  # widths: name, result, probability of success, return
 CARD_WIDTH = sum(CARD_COLUMNS) + 3 * FONT  # with the margin to its right
 
 
@@ -51,8 +48,7 @@ class PlayerWindow(Window):
                 if event.type == pygame.QUIT:
                     return "the window was closed"
                 if event.type == pygame.KEYDOWN:
-                    name = pygame.key.name(event.key)
-                    player.press(ALIASES.get(name, name))
+                    player.press(pygame.key.name(event.key))
                 elif event.type in (pygame.VIDEOEXPOSE, pygame.WINDOWSIZECHANGED):
                     shown = None
             if player.quits:
@@ -117,4 +113,4 @@ def _score_row(score: Score) -> tuple[str, str, str, str]:
     name, last = score
     success, total = last.probability_of_success, last.total_return
     figures = "" if success is None else f"{success:.1%}", "" if total is None else f"{total:,.0f}"
-    return name, outcome_in_brief(last), *figures
+    return name, last.outcome, *figures

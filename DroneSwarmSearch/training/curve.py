@@ -62,10 +62,8 @@ def plot_curve(
     for each in baselines:
         levels.setdefault(each.policy, []).append(each.success.value)
     for number, (name, found) in enumerate(levels.items()):
-        colour, dashes = f"C{len(columns) + number}", (2, 2 * (len(levels) - 1))
-        label = f"{name} {100 * fmean(found):.1f}%"
-        # The dashes of equal baselines take turns.
-        axes.axhline(fmean(found), color=colour, linestyle=(2 * number, dashes), label=label)
+        colour, label = f"C{len(columns) + number}", f"{name} {fmean(found):.1%}"
+        axes.axhline(fmean(found), color=colour, linestyle="--", label=label)
     axes.set(xlabel=_tidy(steps), ylabel="success")
     axes.set_xlim(left=0)
     axes.autoscale_view()  # horizontal lines alone leave no margin
