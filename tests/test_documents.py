@@ -124,8 +124,6 @@ def test_python_block(block, tmp_path, monkeypatch):
         skip_without(package)
     if '"drift.nc"' in block.text:
         write_drift(tmp_path / "drift.nc")
-    if "expected_searches" in block.text:
-        shutil.copy(ROOT / "examples" / "expected_searches.py", tmp_path)
     if block.optional_packages:  # a separate process, because libraries leave threads running
         printed = run_python(["-c", block.text], tmp_path, 5 * TIMEOUT)
     else:

@@ -167,10 +167,14 @@ def test_the_index_lists_every_page() -> None:
 # The tables of the environment page.
 
 
+def section(heading: str) -> str:
+    """The text under a heading."""
+    return re.split(r"\n#+ ", ENVIRONMENT.partition(f"## {heading}\n")[2], maxsplit=1)[0]
+
+
 def rows(heading: str) -> list[list[str]]:
     """The rows of the first table under a heading, without its header."""
-    section = re.split(r"\n#+ ", ENVIRONMENT.partition(f"## {heading}\n")[2], maxsplit=1)[0]
-    return tables_of(section)[0][1:]
+    return tables_of(section(heading))[0][1:]
 
 
 def test_arguments_match_the_signature() -> None:
@@ -191,7 +195,7 @@ def test_reset_options_are_complete(recwarn: pytest.WarningsRecorder) -> None:
         "person_initial_position": (2, 2),
     }
     persons = {"persons": Person(Drift((2, 2)))}
-    assert [row[0].strip('`"') for row in rows("Reset options")] == [*valid, *persons]
+    assert re.findall(r'`"(\w+)"`', section("Reset options")) == [*valid, *persons]
     env.reset(options=valid)
     env.reset(options=persons)
     assert not recwarn
