@@ -65,7 +65,7 @@ golden *options:
 
 # regenerate the leaderboard; takes half an hour, or less if it was interrupted
 leaderboard *options:
-    python -m DroneSwarmSearch leaderboard --out docs/leaderboard {{ options }}
+    python -m DroneSwarmSearch leaderboard --submissions docs/leaderboard/submissions.csv --out docs/leaderboard {{ options }}
 
 # measure the speed of batches on this machine
 bench *options:

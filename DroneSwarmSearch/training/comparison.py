@@ -63,7 +63,8 @@ def compare_with_baselines(
     """
     given = dict(parameters)
     drones = given.pop("drones_positions", ())
-    search = NamedSearch("task", "Of the comparison.", resolve_scenario(**given), drones)
+    reason = f"An episode that {name} has not trained on."
+    search = NamedSearch("task", reason, resolve_scenario(**given), drones)
     trained = evaluate(policy, search, view=view, name=name, episodes=episodes, seed=SEED)
     every = [trained]
     every += [evaluate(each, search, episodes=episodes, seed=SEED) for each in baselines]
@@ -79,11 +80,11 @@ def compare_with_baselines(
     headers = ["success, %", "time, steps", "crashes, %", "lead, points", "lead, steps"]
     print_table(["policy", *headers], rows, words=1)
     print(
-        f"\n{episodes:,} episodes, the same for all policies; 95% intervals in parentheses; "
+        f"\n{episodes:,} episodes, the same for all policies; 95% intervals in parentheses;\n"
         "success and time without one are exact.\n"
-        "Success: all persons found within the limit. Time: until all are found, or the limit.\n"
+        "Success: all persons found within the limit. Time: until then, or the limit.\n"
         "Crashes: episodes that end with a collision or with a drone off the grid.\n"
-        f"Lead: how far {name} is ahead of each baseline, in percentage points and in steps."
+        f"Lead of {name} over each baseline, in percentage points and in steps."
     )
     if folder is not None:
         save_csv(Path(folder) / "evaluation.csv", every)
