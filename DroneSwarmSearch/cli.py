@@ -34,7 +34,7 @@ each drone flies to a near cell where the person is likely to be by then.
 examples:
   droneswarmsearch play                         watch a search
   droneswarmsearch play --manual --hide-person  fly drone 0 against the policies
-  droneswarmsearch play gale --policy greedy-forecast --seed 4
+  droneswarmsearch play gale --policy planner --seed 4
   droneswarmsearch play classic --record classic.gif
 
 The window lists the keys. With --manual, the arrow keys (or W, A, S, D) move
@@ -64,8 +64,6 @@ return is the mean return of the team; crashes are episodes in which drones
 collided or left the grid. Coverage missions are judged by the probability of
 success (POS) of the searches made; coverage and repetition are the different
 cells searched and the repeated searches, both divided by the number of cells.
-Success and time are exact for deterministic policies and one person; other
-figures have 95% intervals.
 
 examples:
   droneswarmsearch evaluate --list
@@ -75,8 +73,6 @@ examples:
 The file or module of your own policy is executed: only name code that you
 trust. The guide "Evaluation" of the documentation explains policies, and the
 files of searches.
-
-Exit codes: 0 done, 1 failed, 2 wrong arguments, 130 interrupted.
 """,
     "leaderboard": """\
 compare all policies on the suite: tables, plots, files
@@ -132,7 +128,6 @@ OWN_POLICY = (
 
 FORMAT: Any = partial(argparse.RawDescriptionHelpFormatter, max_help_position=28)
 SEARCH = "of the suite, or a file of a search, .json"
-POSTERIOR = "show policies the posterior, not the prior"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -200,7 +195,6 @@ def _add_files(parser: argparse.ArgumentParser, name: str) -> None:
         add("--seeds", metavar="N", nargs="+", type=int, default=[0], help="(default: 0)")
     kind = "the video, .gif or .mp4" if name == "record" else "the file, .json"
     add("--out", metavar="FILE", required=True, help=kind)
-    add("--posterior", action="store_true", default=None, help=POSTERIOR)
     commands.add_view(parser)
 
 
@@ -231,7 +225,6 @@ def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
     if name != "bound":
         add("--episodes", metavar="N", type=int, default=2000, help="per search (default: 2000)")
         add("--seed", metavar="S", type=int, default=0, help="of the first episode (default: 0)")
-        add("--posterior", action="store_true", default=None, help=POSTERIOR)
         commands.add_view(parser)
         alike = "it always acts alike after the same observations: exact success and time"
         add("--deterministic", action="store_true", default=None, help=alike)

@@ -53,8 +53,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--hide-person", action="store_true", help="do not show missing persons")
     add("--fps", type=float, default=6.0, help="steps shown per second (default: 6)")
     add("--palette", choices=PALETTES, default="sea", help="the map's colours (default: sea)")
-    prior = "show the drones, and you, the forecast of the drift instead of the posterior"
-    add("--prior", action="store_true", help=prior)
 
     policies = f"{', '.join(POLICIES)}, or your own as for `evaluate` (default: {USUAL_POLICY})"
     add_view(parser)
@@ -72,7 +70,7 @@ def run(options: argparse.Namespace) -> None:
     if options.seed is None:
         options.seed = USUAL_SEED if options.search is None else 0
     checks.real("--fps", options.fps, FPS_LEAST, FPS_MOST)
-    found = search_on_grid(options.search or USUAL_SEARCH).with_posterior(not options.prior)
+    found = search_on_grid(options.search or USUAL_SEARCH)
     print(textwrap.fill(f"{found.name}: {found.reason}", WIDTH) + "\n", flush=True)
     if options.record is not None:
         how = {"view": view_from(options), "fps": options.fps, "palette": options.palette}
@@ -97,14 +95,16 @@ class _Episode:
     def __init__(
         self, search: NamedSearch, options: argparse.Namespace, seed: int, rival: str = ""
     ) -> None:
-        spec = PolicySpec.of(rival or options.policy)
+        spec, shown = PolicySpec.of(rival or options.policy), search.with_posterior(True)
+        seen = view_of(spec, search, view_from(options))
+        where = shown if options.manual else search.with_posterior(seen.bayesian_update)
         self._flown = 0 if options.manual and not rival else None
         self._label = spec.name if self._flown is None else f"you and {spec.name}"
-        self._policy = prepared(spec, search)
-        self._act = steering(self._policy, search, seed, view_of(spec, search, view_from(options)))
+        self._policy = prepared(spec, where)
+        self._act = steering(self._policy, where, seed, seen)
         self._hide_person = options.hide_person
         self.search = search
-        self._env = DroneSwarmSearch(scenario=search.scenario, render_mode=None)
+        self._env = DroneSwarmSearch(scenario=shown.scenario, render_mode=None)
         self._observations, _ = self._env.reset(seed, drones_positions=search.drones)
         self.frame = self._current_frame()
 
@@ -160,7 +160,7 @@ def _print_summary(
     if frame.persons:
         lines.append(f"persons found   {sum(frame.found)} of {len(frame.persons)}")
     if frame.probability_of_success is not None:
-        success = f"{frame.probability_of_success:.1%} of all such persons are found by now"
+        success = f"{frame.probability_of_success:.1%} of all persons would be found by now"
         lines.append(f"POS             {success}")
     if search.scale is not None:
         cell, step = search.scale.metres_per_cell, search.scale.seconds_per_step

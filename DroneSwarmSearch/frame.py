@@ -95,7 +95,9 @@ class Frame:
         """The text of the final banner; empty before the end of the episode."""
         if self.ending is None:
             return ""
-        took = f"{self.step} moves" if self.scale is None else f"{self.progress[1]} min"
+        took = f"{self.step} move{'s' * (self.step != 1)}"
+        if self.scale is not None:
+            took = f"{self.progress[1]} min"
         if self.ending is Ending.COVERED:
             return f"The area was covered in {took}"
         if self.ending is Ending.FOUND:

@@ -222,7 +222,7 @@ class TestOptions:
     def test_the_coverage_mission(self, tmp_path, capsys):
         assert cli.main(["play", search_file(tmp_path, mission="coverage"), "--text"]) == 0
         summary = figures(capsys.readouterr().out)
-        success = summary["POS"].removesuffix(" of all such persons are found by now")
+        success = summary["POS"].removesuffix(" of all persons would be found by now")
         assert summary["outcome"].startswith(f"Probability of success {success} (the time limit")
         assert "persons found" not in summary
 

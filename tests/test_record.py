@@ -225,7 +225,7 @@ class TestCommand:
         arguments = ["record", "pond", "--policy", "greedy-posterior", "--seed", "3", "--fps", "50"]
         assert command.main([*arguments, "--out", str(path)]) == 0
         last = frames("greedy-posterior", SUITE["pond"], seed=3)[-1]
-        output = f"{path}: greedy-posterior searching pond. {last.outcome}\n"
+        output = f"{path}: greedy-posterior searching pond\n{last.outcome}\n"
         assert capsys.readouterr().out == output
         assert path.stat().st_size > 10_000
 

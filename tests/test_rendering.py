@@ -178,7 +178,7 @@ class TestText:
 
     def test_a_find_is_set_beside_the_probability_of_success(self):
         frame = replace(make_frame(2, ending=Ending.FOUND), probability_of_success=0.25)
-        sentence = "Found here; of all such persons, 25.0% are found by now"
+        sentence = "Found here; 25.0% of all persons would be found by now"
         assert render_text(frame).split("\n")[2] == sentence
         lost = replace(frame, ending=Ending.TIME_LIMIT)
         assert "Found here" not in render_text(lost)

@@ -61,10 +61,39 @@ def test_the_form_is_found_out_in_each_layout(layout, policy, form):
     assert got == View(form, layout)
 
 
-def test_a_policy_without_any_form_is_refused_in_one_sentence():
-    words = "view must be given for 4: it returns no valid actions .* 'dict'; with 'swarm', .*"
-    with pytest.raises(ValueError, match=words + "with 'drone', .*; with 'parallel', "):
+def test_a_policy_without_any_form_is_refused():
+    words = r"view must be given for 4: it returns no valid actions [^\n]* 'dict'"
+    by_form = "".join(rf"\n  with '{form}': [^\n]*" for form in ("swarm", "drone", "parallel"))
+    with pytest.raises(ValueError, match=words + by_form):
         evaluate(lambda shown: 4, small(), name="4", episodes=2, progress=False)
+
+
+def test_what_a_policy_returns_is_reported_in_the_form_that_suits_it():
+    def floats(shown: Any) -> dict[str, float]:
+        return {each: 1.5 for each in shown if shown[each]["observation"]}
+
+    with pytest.raises(TypeError, match=r"the policy's actions\['drone0'\] must be .*, got 1.5"):
+        evaluate(floats, small(), episodes=2, progress=False)
+
+
+@pytest.mark.parametrize("stated", ["drone", View("drone"), None])
+def test_a_view_may_be_stated_by_its_form(stated):
+    def policy(shown: Any) -> Any:
+        return drone(shown)
+
+    policy.view = stated  # type: ignore[attr-defined]
+    assert evaluate(policy, small(), episodes=2, progress=False).view == View("drone")
+    policy.view = 3  # type: ignore[attr-defined]
+    with pytest.raises(TypeError, match="view must be one of 'swarm', 'drone', 'parallel', got 3"):
+        evaluate(policy, small(), episodes=2, progress=False)
+
+
+@pytest.mark.parametrize("name", ["none.zip", "junk.zip"])
+def test_a_file_that_is_no_model_is_refused(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    Path("junk.zip").write_bytes(b"junk")
+    with pytest.raises(ValueError, match=f"must be a saved model, but {name} is no zip file"):
+        PolicySpec.of(name)
 
 
 class Stating:
@@ -89,8 +118,9 @@ def test_a_policy_states_its_view():
 
 
 def test_a_class_gets_the_argument_behind_it():
-    made = PolicySpec.of(f"mine={__file__}:Stating:runs/a.pt").make(small().scenario)
-    assert made.note == "runs/a.pt"
+    for note in ("runs/a.pt", "a.zip", "a.npz"):
+        spec = PolicySpec.of(f"mine={__file__}:Stating:{note}")
+        assert spec.make(small().scenario).note == note
     assert PolicySpec.of(f"{__file__}:Stating").make(small().scenario).note == ""
 
 

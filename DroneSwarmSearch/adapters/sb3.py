@@ -197,7 +197,8 @@ def _view_of(policy: ActorCriticPolicy, scenario: Scenario) -> View:
             return View(form, layout, is_masked, is_masked, bayesian_update=True)
     raise ValueError(
         f"the model must observe a layout of a search of {scenario.grid_size} x "
-        f"{scenario.grid_size} cells with n_drones={scenario.n_drones}, got {space}"
+        f"{scenario.grid_size} cells with n_drones={scenario.n_drones}, got {space}; the layouts "
+        "'crops' and 'top-cells' fit every size"
     )
 
 

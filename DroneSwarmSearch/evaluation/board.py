@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -62,15 +63,6 @@ class Leaderboard:
             shown = [f"{100 * value:.1f}{'*' * (value > best)}" for value in values]
             rows.append([search, *bound, *shown])
         return rows
-
-    def check(self, policy: str, success: float) -> None:
-        """Raise a ValueError unless a policy's mean success, in percent, is as claimed."""
-        found = mean_of(each.success for each in self.policies[policy]).scaled(100.0)
-        if not found.low - TOLERANCE <= success <= found.high + TOLERANCE:
-            raise ValueError(
-                f"success of {policy} in submissions must be that of the rerun, {figure(found)}, "
-                f"within {TOLERANCE} points, got {success}"
-            )
 
     def write(self, folder: Path) -> list[Path]:
         """Write leaderboard.csv, and plots if Matplotlib is installed; returns the files.
@@ -147,7 +139,12 @@ def leaderboard(
     how = episodes, seed, out, workers, ray, progress
     found = Leaderboard(evaluate_cases(cases, *how, bounded=named if bounds else []))
     for row in rows:
-        found.check(row["name"], float(row["success"]))
+        mean = mean_of(each.success for each in found.policies[row["name"]]).scaled(100.0)
+        if not mean.low - TOLERANCE <= float(row["success"]) <= mean.high + TOLERANCE:
+            raise ValueError(
+                f"success of {row['name']} in submissions must be that of the rerun, "
+                f"{figure(mean)}, within {TOLERANCE} points, got {row['success']}"
+            )
     return found
 
 
@@ -155,7 +152,11 @@ def _read_submissions(path: str | Path) -> list[dict[str, str]]:
     with Path(path).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     for row in rows:
-        if (*row,) != SUBMISSION or None in row.values():
+        known = (*row,) == SUBMISSION and None not in row.values()
+        if not (known and re.fullmatch(r"[\d.]+", row["success"])):
             columns = ", ".join(SUBMISSION)
-            raise ValueError(f"submissions must have the columns {columns}, got {row!r:.300}")
+            raise ValueError(
+                f"submissions must have the columns {columns}, and a number as success, got "
+                f"{row!r:.300}"
+            )
     return rows

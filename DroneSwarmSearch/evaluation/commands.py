@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
         if not Path(innermost.f_code.co_filename).is_relative_to(PACKAGE):
             raise
         options.parser.error(str(error))
-    if "workers" in options and options.out is not None:
+    if "workers" in options and options.out is not None and options.out.exists():
         reason += f"; finished results are kept in {options.out}, and the same command resumes"
     print(reason, file=sys.stderr)
     return code
@@ -107,7 +107,7 @@ def record(options: argparse.Namespace) -> None:
     search = suite.search_on_grid(options.search)
     how = {"view": view_from(options), "fps": options.fps, "palette": options.palette}
     video = recording.record(options.policy, search, options.out, seed=options.seed, **how)
-    print(f"{options.out}: {options.policy} searching {search.name}. {video.last.outcome}")
+    print(f"{options.out}: {options.policy} searching {search.name}\n{video.last.outcome}")
 
 
 def export(options: argparse.Namespace) -> None:
@@ -120,9 +120,10 @@ def export(options: argparse.Namespace) -> None:
 
 
 def add_view(parser: argparse.ArgumentParser) -> None:
-    """The options of a `View`, but for what the matrix is."""
-    group = parser.add_argument_group("what your own policy sees, if it does not state its view")
-    add = group.add_argument
+    """The options of a `View`."""
+    add = parser.add_argument_group("what policies see, if they do not state it").add_argument
+    posterior = "the posterior, not the prior"
+    add("--posterior", action="store_true", default=None, help=posterior)
     add("--view", choices=FORMS, help="the form of observations and actions (default: what works)")
     add("--observation", choices=LAYOUTS, default="dict", help="the layout (default: dict)")
     add("--action-mask", action="store_true", help="also show it masks of valid actions")
@@ -130,10 +131,9 @@ def add_view(parser: argparse.ArgumentParser) -> None:
 
 
 def view_from(options: argparse.Namespace) -> View:
-    """The `View` of these options and `--posterior`, where the command has it."""
+    """The `View` of these options."""
     masks = options.action_mask, options.right_of_way
-    posterior = getattr(options, "posterior", None)
-    return View(options.view, options.observation, *masks, posterior)
+    return View(options.view, options.observation, *masks, options.posterior)
 
 
 def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leaderboard:

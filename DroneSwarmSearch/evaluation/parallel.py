@@ -23,7 +23,7 @@ def finished(
     with progress(what, len(calls), shown) as bar:
         results: Any = (call() for call in calls)
         if calls and (ray is not None or count > 1):
-            joblib = _imported("joblib", "workers > 1 needs the package joblib", "evaluation")
+            joblib = needed("joblib", "workers > 1 needs the package joblib", "evaluation")
             options: dict[str, Any] = {"n_jobs": count, "return_as": "generator"}
             if ray is not None:
                 _use_ray(ray)
@@ -38,13 +38,14 @@ def finished(
 def _use_ray(address: str) -> None:
     """Make Ray a backend of joblib; Ray is started if it is not running."""
     modules = ("ray", "ray.util.joblib")
-    ray, backend = (_imported(name, "ray needs the package Ray", "ray") for name in modules)
+    ray, backend = (needed(name, "ray needs the package Ray", "ray") for name in modules)
     if not ray.is_initialized():
         ray.init(address=address, log_to_driver=False, logging_level="error")
     backend.register_ray()
 
 
-def _imported(module: str, reason: str, extra: str) -> Any:
+def needed(module: str, reason: str, extra: str) -> Any:
+    """A module; ImportError says which extra installs what it needs."""
     try:
         return importlib.import_module(module)
     except ImportError as error:

@@ -8,12 +8,14 @@ import inspect
 import re
 import runpy
 import sys
+import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch._internal.errors import did_you_mean
+from DroneSwarmSearch.evaluation.parallel import needed
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
@@ -62,18 +64,20 @@ class PolicySpec:
         file: str | None
         arguments: tuple[str, ...] = ()
         own_name = policy
-        if policy.endswith(".npz"):
-            Network.load(policy)
-            found, file, arguments, own_name = PPOPolicy, policy, (policy,), Path(policy).stem
-        elif policy.endswith(".zip"):
-            from DroneSwarmSearch.adapters.sb3 import SB3Policy
-
-            found, file, arguments, own_name = SB3Policy, policy, (policy,), Path(policy).stem
-        elif parts := re.fullmatch(r"(.+\.py|[\w.]+):(\w+)(?::(.+))?", policy):
+        if parts := re.fullmatch(r"(.+\.py|[\w.]+):(\w+)(?::(.+))?", policy):
             where, own_name, argument = parts.groups()
             found, file = _imported(where, own_name)
             if argument is not None:
                 arguments = (argument,)
+        elif policy.endswith(".npz"):
+            Network.load(policy)
+            found, file, arguments, own_name = PPOPolicy, policy, (policy,), Path(policy).stem
+        elif policy.endswith(".zip"):
+            if not zipfile.is_zipfile(policy):
+                raise ValueError(f"policy must be a saved model, but {policy} is no zip file")
+            sb3 = needed("DroneSwarmSearch.adapters.sb3", "a saved model needs its library", "sb3")
+            file, arguments, own_name = policy, (policy,), Path(policy).stem
+            found = sb3.SB3Policy
         elif policy in POLICIES:
             found, file = POLICIES[policy], None
         else:

@@ -87,9 +87,10 @@ def record(
 
     def frames() -> Iterator[Frame]:
         nonlocal last
-        for last, _ in play(made, where, first, seen):
-            bar(last.step)
-            yield replace(last, policy=spec.name, scale=where.scale)
+        for frame, _ in play(made, where, first, seen):
+            last = replace(frame, policy=spec.name, scale=where.scale)
+            bar(frame.step)
+            yield last
 
     story = where.reason if title is None else title
     with progress(f"video of {spec.name}", where.scenario.timestep_limit) as bar:

@@ -39,7 +39,8 @@ def view_of(spec: PolicySpec, search: NamedSearch, view: View | str | None) -> V
         return given
     if given.form is None:
         policy = prepared(spec, search)
-        given = given.over(getattr(policy, "view", View()))
+        own = getattr(policy, "view", None)
+        given = given.over(own if isinstance(own, View) else View(own))
     if given.form is not None:
         return given
     problems: dict[str, Exception] = {}
@@ -51,12 +52,15 @@ def view_of(spec: PolicySpec, search: NamedSearch, view: View | str | None) -> V
             problems[form] = error
         else:
             return shown
+    returned = [error for error in problems.values() if str(error).startswith("the policy's")]
+    if len(returned) == 1:  # one form suits the policy, but not what it returns
+        raise returned[0]
     if len(set(map(repr, problems.values()))) == 1:  # not about the form, but the policy's own
         raise problems[form]
-    every = "; ".join(f"with {form!r}, {error!r:.200}" for form, error in problems.items())
+    every = "".join(f"\n  with {form!r}: {error!r:.200}" for form, error in problems.items())
     raise ValueError(
         f"view must be given for {spec.name}: it returns no valid actions for observations in the "
-        f"layout {given.observation!r}; {every}"
+        f"layout {given.observation!r}{every}"
     )
 
 
@@ -83,9 +87,7 @@ def steering(
 def prepared(spec: PolicySpec, search: NamedSearch) -> PolicyLike:
     """A policy for a search, which may look at it before the first episode."""
     policy = spec.make(search.scenario)
-    prepare = getattr(policy, "prepare", None)
-    if prepare is not None:
-        prepare(search.drones)
+    getattr(policy, "prepare", lambda drones: None)(search.drones)
     return policy
 
 
@@ -99,9 +101,7 @@ def copied(policy: PolicyLike) -> PolicyLike:
 
 def reset_policy(policy: PolicyLike, seed: int | list[int]) -> None:
     """Call the policy's `reset`, if it has one."""
-    reset = getattr(policy, "reset", None)
-    if reset is not None:
-        reset(seed=seed)
+    getattr(policy, "reset", lambda seed: None)(seed=seed)
 
 
 class Stage:

@@ -92,7 +92,7 @@ def _draw_results(canvas: pygame.Surface, frame: Frame) -> int:
     if success is not None:
         _write_pair(canvas, "PROBABILITY OF SUCCESS", f"{success:.1%}", top)
         _draw_progress(canvas, success, top + 18)
-        write(canvas, "of all such persons, found by now", SMALL, GREY, topleft=(0, top + 31))
+        write(canvas, "of all persons would be found by now", SMALL, GREY, topleft=(0, top + 31))
         top += 56
     if total is not None:
         digits = 3 if abs(total) < 10 else 0

@@ -103,7 +103,7 @@ def _header(frame: Frame, columns: int) -> list[str]:
         lines += _joined([f"{frame.outcome} ({frame.ending.description})"], columns)
         if frame.ending is Ending.FOUND and frame.probability_of_success is not None:
             success = f"{frame.probability_of_success:.1%}"
-            lines.append(f"Found here; of all such persons, {success} are found by now")
+            lines.append(f"Found here; {success} of all persons would be found by now")
     return lines
 
 

@@ -63,12 +63,11 @@ def plot_curve(
         levels.setdefault(each.policy, []).append(each.success.value)
     for number, (name, found) in enumerate(levels.items()):
         colour, label = f"C{len(columns) + number}", f"{name} {fmean(found):.1%}"
-        axes.axhline(fmean(found), color=colour, linestyle="--", label=label)
+        dashes = (3 * number, (3, 3 * len(levels) - 3))  # those of equal baselines take turns
+        axes.axhline(fmean(found), color=colour, linestyle=dashes, label=label)
     axes.set(xlabel=_tidy(steps), ylabel="success")
     axes.set_xlim(left=0)
-    axes.autoscale_view()  # horizontal lines alone leave no margin
-    bottom, top = axes.get_ylim()
-    axes.set_ylim(max(bottom, 0.0), min(top, 1.0))
+    axes.set_ylim(bottom=0)
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.grid(alpha=0.4)
