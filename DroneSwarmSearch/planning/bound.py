@@ -33,7 +33,7 @@ from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.frank_wolfe import Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.objectives import MarkovChainObjective, Mixture, TrajectoryObjective
-from DroneSwarmSearch.planning.paths import Path, best_path, values_to_go
+from DroneSwarmSearch.planning.paths import Path, best_paths, values_to_go
 from DroneSwarmSearch.planning.trajectories import (
     Trajectories,
     chernoff_bound,
@@ -160,8 +160,10 @@ def success_bound(
 def drone_paths(starts: Sequence[int], gains: Floats) -> tuple[float, Floats]:
     """The most that the drones can gain, and their searches of each cell; both (n, N, N)."""
     values, effort = values_to_go(gains, np.zeros(gains.shape[1:])), np.zeros_like(gains)
-    for start in starts:
-        _add_searches(effort, best_path(gains, values, start))
+    which = np.zeros(len(starts), np.int64)
+    cells, searches = best_paths(gains[:, None], values[:, None], np.array(starts), which)
+    for path in zip(cells.T, searches.T, strict=True):
+        _add_searches(effort, Path(*path))
     return float(values[0].reshape(-1)[list(starts)].sum()), effort
 
 

@@ -14,7 +14,8 @@ why they *stay*, and may move in the next.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,70 +40,83 @@ class Path(NamedTuple):
 def values_to_go(
     gains: Floats,
     at_end: Floats,
-    blocked: Sequence[Sequence[int]] = (),
+    blocked: Sequence[Sequence[tuple[Any, ...]]] = (),
     stays: Flags | None = None,
 ) -> Floats:
-    """The most that a drone can gain from each step and cell on: float64, (n + 1, N, N).
+    """The most that a drone can gain from each step and cell on: float64, (n + 1, ..., h, w).
 
     Args:
-        gains: of searching a cell in a step, at least 0: shape (n, N, N), indexed [t, y, x].
-        at_end: the value of each cell after the last step, (N, N); may be `FORBIDDEN`.
-        blocked: for each step, the cells that the drone must not be in after it; none by default.
+        gains: of searching a cell in a step, at least 0: shape (n, ..., h, w), indexed [t, y, x];
+            dimensions in between stand for different gains.
+        at_end: the value of each cell after the last step, (h, w); may be `FORBIDDEN`.
+        blocked: for each step, the cells y * w + x that a drone must not be in after it, as
+            indices of an array of shape (..., h * w); none by default.
         stays: for each step, whether the drone must stay and search; by default, it is free.
     """
     n = len(gains)
-    values = np.empty((n + 1, *at_end.shape))
+    values = np.empty((n + 1, *gains.shape[1:]))
     values[n] = at_end
+    flat = values.reshape(*values.shape[:-2], -1)
     for step in range(n - 1, -1, -1):
+        if len(blocked):
+            for index in blocked[step]:
+                flat[step + 1][index] = FORBIDDEN
         ahead, here = values[step + 1], values[step]
-        if blocked and blocked[step]:
-            ahead = ahead.copy()
-            ahead.reshape(-1)[blocked[step]] = FORBIDDEN
         # Gains are never negative, so searching is no worse than idling.
         np.add(gains[step], ahead, out=here)
         if stays is not None and stays[step]:
             continue
-        np.maximum(here[1:], ahead[:-1], out=here[1:])
-        np.maximum(here[:-1], ahead[1:], out=here[:-1])
-        np.maximum(here[:, 1:], ahead[:, :-1], out=here[:, 1:])
-        np.maximum(here[:, :-1], ahead[:, 1:], out=here[:, :-1])
+        np.maximum(here[..., 1:, :], ahead[..., :-1, :], out=here[..., 1:, :])
+        np.maximum(here[..., :-1, :], ahead[..., 1:, :], out=here[..., :-1, :])
+        np.maximum(here[..., 1:], ahead[..., :-1], out=here[..., 1:])
+        np.maximum(here[..., :-1], ahead[..., 1:], out=here[..., :-1])
     return values
 
 
-def best_path(
-    gains: Floats,
-    values: Floats,
-    start: int,
-    blocked: Sequence[Sequence[int]] = (),
-    stays: Flags | None = None,
-) -> Path:
-    """A path that gains as much as possible, given the result of `values_to_go`.
+def best_paths(
+    gains: Floats, values: Floats, starts: Ints, which: Ints, stays: Flags | None = None
+) -> tuple[Ints, Flags]:
+    """Paths that gain as much as possible, given the result of `values_to_go`.
 
     Ties go to searching, then to moving left, right, up and down.
+
+    Args:
+        gains: as in `values_to_go`, of shape (n, k, h, w): k different gains.
+        values: the result of `values_to_go`.
+        starts: the first cell y * w + x of each path: (m,).
+        which: the gains that count for each path: (m,).
+        stays: as in `values_to_go`.
+
+    Returns:
+        The cells y * w + x at the beginning and after each step, (n + 1, m), and the steps with a
+        search, (n, m).
     """
-    n, height, width = gains.shape
-    cells, searches = np.empty(n + 1, np.int64), np.zeros(n, np.bool_)
-    cells[0] = here = start
-    flat_gains, flat_values = gains.reshape(n, -1), values.reshape(n + 1, -1)
+    n, _, height, width = gains.shape
+    ahead_of, first = _neighbours(height, width), which * (height * width)
+    cells, searches = np.empty((n + 1, len(starts)), np.int64), np.zeros((n, len(starts)), np.bool_)
+    cells[0] = here = starts
     for step in range(n):
         if stays is not None and stays[step]:
-            cells[step + 1], searches[step] = here, True
-            continue
-        ahead = flat_values[step + 1]
-        closed = blocked[step] if blocked else ()
-        best, target = FORBIDDEN, here
-        if here not in closed:
-            best = flat_gains[step, here] + ahead[here]
-        y, x = divmod(here, width)
-        searches[step] = flat_gains[step, here] > 0.0
-        for on_grid, cell in (
-            (x > 0, here - 1),
-            (x < width - 1, here + 1),
-            (y > 0, here - width),
-            (y < height - 1, here + width),
-        ):
-            if on_grid and ahead[cell] > best and cell not in closed:
-                best, target = ahead[cell], cell
-                searches[step] = False
-        cells[step + 1] = here = target
-    return Path(cells, searches)
+            searches[step] = True
+        else:
+            gain = gains[step].take(first + here)
+            options = values[step + 1].take(first + ahead_of[:, here])
+            options[0] += gain
+            chosen = options.argmax(axis=0)
+            searches[step] = (chosen == 0) & (gain > 0.0)
+            here = ahead_of[chosen, here]
+        cells[step + 1] = here
+    return cells, searches
+
+
+@lru_cache(maxsize=256)
+def _neighbours(height: int, width: int) -> Ints:
+    """Each cell itself, and those to its left, to its right, above and below: (5, h * w).
+
+    At the border, a cell stands for its neighbours off the grid.
+    """
+    y, x = np.mgrid[:height, :width].reshape(2, -1)
+    left, right = np.maximum(x - 1, 0), np.minimum(x + 1, width - 1)
+    up, down = np.maximum(y - 1, 0), np.minimum(y + 1, height - 1)
+    here: Ints = y * width
+    return np.array([here + x, here + left, here + right, up * width + x, down * width + x])

@@ -7,47 +7,60 @@ Adding a search of cell c in step t to a plan gains
 where a is the probability that the person is there and has not been found (forward pass), q the
 probability of detection, w[t] the worth of finding the person in that step, and r what the rest of
 the plan is expected to gain from a person in that cell (backward pass; S. S. Brown, Operations
-Research 28:1275, 1980). The best path for given gains is a dynamic programme (`paths`). The sum of
-gains overrates a path that looks for the same person twice, so a plan changes one segment of one
-drone's path at a time (`segments`), and only if its exact value increases. Then it distorts the
-gains of a segment at random, improves the steps around it again, and keeps the result unless it is
-worse (large neighbourhood search; P. Shaw, CP 1998).
+Research 28:1275, 1980). The best path for given gains is a dynamic programme (`paths`).
 
-No two drones are ever in one cell: each avoids the cells where the others will be.
+A plan improves by simulated annealing (S. Kirkpatrick, C. D. Gelatt, M. P. Vecchi, Science 220:671,
+1983) in large neighbourhoods (P. Shaw, CP 1998). A trial replaces a few steps of a drone's path, or
+of two drones' that are near each other. These may exchange the rest of their paths, since all
+drones are equal. The candidates are the best paths for randomly distorted gains, and the old path.
+The exact value V of each is computed (`windows`), and one is drawn with a probability proportional
+to exp(V / temperature), a heat bath. Trials go through time back and forth, so that the passes need
+little updating. No two drones are ever in one cell: each avoids the cells where the others will be.
 """
 
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch.planning.passes import Passes, Target
-from DroneSwarmSearch.planning.paths import FORBIDDEN, Path, best_path, values_to_go
-from DroneSwarmSearch.planning.segments import Segment, reach_of
-
-Distortion = Callable[[Floats], Floats]
-"""Changes the gains of a segment."""
+from DroneSwarmSearch.planning.paths import FORBIDDEN, Path, best_paths, values_to_go
+from DroneSwarmSearch.planning.windows import Boxes, Window, distance
 
 Report = Callable[[float], None]
 """Is called from time to time with the completed fraction of some work."""
 
-MIN_GAIN = 1e-9
-"""Smaller improvements are rounding errors."""
+SHORTEST, LONGEST, LONGEST_LATER = 3, 20, 10
+"""Lengths of a replaced segment, in steps; the longest at first and in the second half."""
 
 STRENGTHS = (0.2, 0.5, 1.0)
 """Standard deviations of the logarithm of the factors that distort gains."""
 
-SHORTEST, LONGEST = 3, 10
-"""Lengths of a distorted segment, in steps."""
+HOTTEST, COLDEST = 1.0, 0.02
+"""The first and the last temperature, in units of a plan's mean value per drone and step."""
 
-NEAREST = 3
-"""The number of drones whose paths are improved around a distorted segment."""
+TOGETHER = 4
+"""The most drones in a trial without pairs."""
 
-SEGMENT_WORK, STEP_WORK = 6000, 1200
-"""The fixed work for a segment and for each of its steps, in cells that take as long."""
+PAIRS, EXCHANGES = 0.5, 0.5
+"""The fractions of trials with pairs, and of pairs that may exchange the rest of their paths."""
+
+VALUES, FEWEST, MOST = 20000, 4, 32
+"""Masses of all candidates of a trial together, and the fewest and the most candidates."""
+
+NOISE = 2**18
+"""Random factors that are drawn once, and used from a random place on in every trial."""
+
+ENOUGH = 200
+"""The most trials for each step of a plan; more improve small searches no further."""
+
+TRIAL_COST, STEP_COST, VALUE_COST = 150e-6, 80e-6, 10e-9
+"""The time of a trial, of each of its steps and of each mass of a candidate, in seconds, about."""
 
 
 def idle_paths(starts: Sequence[int], steps: int) -> list[Path]:
@@ -62,8 +75,6 @@ class Plan:
 
     Attributes:
         paths: the current paths; no two drones are ever in one cell.
-        work: the work done to improve the plan, in steps times cells.
-        round_work: the work of one round of improvement with short segments, about.
     """
 
     def __init__(
@@ -74,12 +85,11 @@ class Plan:
         *,
         in_flight: bool = False,
     ) -> None:
-        self.work, self._steps, self._size = 0, len(targets[0].worth), targets[0].belief.shape[-1]
+        self._steps, self._size = len(targets[0].worth), targets[0].belief.shape[-1]
         self.paths = [Path(path.cells.copy(), path.searches.copy()) for path in paths]
         self._passes = [Passes(target, first, self.paths) for target in targets]
+        self._boxed = all(target.chain.matrices(first) for target in targets)
         self._stays = np.arange(first, first + self._steps) % 2 == 0 if in_flight else None
-        cells = sum(target.belief.size for target in targets)
-        self.round_work = len(paths) * self._steps * (STEP_WORK + cells)
 
     def found(self) -> list[Floats]:
         """The probability that the plan finds each target in each step, (n,)."""
@@ -89,148 +99,177 @@ class Plan:
         """The expected worth of all finds."""
         return sum(float(passes.target.worth @ passes.found()) for passes in self._passes)
 
-    def improve(
+    def anneal(
         self,
-        *,
-        min_length: int,
-        min_gain: float,
-        max_rounds: int,
-        begin: int = 0,
-        end: int | None = None,
-        max_length: int | None = None,
-        drones: Sequence[int] | None = None,
+        seconds: float,
+        rng: np.random.Generator,
         report: Report = lambda fraction: None,
-    ) -> float:
-        """Improve segments of full length, half of it and so on; returns the value gained.
-
-        Args:
-            min_length: minimum length of the segments, in steps.
-            min_gain: stop after a round that gains less.
-            max_rounds: the largest number of rounds.
-            begin: the first step to change.
-            end: the step before which changes end; by default the plan's end.
-            max_length: maximum length of the segments.
-            drones: those whose paths may change; all by default.
-            report: called from time to time with the completed fraction of `max_rounds`.
-        """
-        end = self._steps if end is None else end
-        drones = range(len(self.paths)) if drones is None else drones
-        lengths = [min(max_length or end - begin, end - begin)]
-        while lengths[-1] > min_length:
-            lengths.append(max(lengths[-1] // 2, min_length))
-        total, direction = 0.0, 1
-        for number in range(max_rounds):
-            gained = 0.0
-            for place, length in enumerate(lengths):
-                firsts = range(begin - number * length // 2 % length, end, length)
-                # The passes are up to date where the last sweep ended.
-                for first in firsts[::direction]:
-                    report((number + place / len(lengths)) / max_rounds)
-                    for drone in drones:
-                        segment = max(first, begin), min(first + length, end)
-                        gained += self.improve_segment(drone, *segment)
+    ) -> None:
+        """Improve the plan by some work, given as the time that it takes on a common computer."""
+        noise, done, begin, direction = rng.normal(size=NOISE), 0.0, 0, 1
+        noises = [np.exp(strength * noise) for strength in STRENGTHS]
+        value = most = self.value()
+        best = copy.deepcopy(self.paths)
+        unit = max(value, 1e-9) / (len(best) * self._steps)
+        while done < 1.0:
+            report(done)
+            temperature = unit * HOTTEST * (COLDEST / HOTTEST) ** done
+            longest = LONGEST if done < 0.5 else LONGEST_LATER
+            length = round(SHORTEST * (longest / SHORTEST) ** rng.random())
+            length = min(length, self._steps)
+            begin = min(max(begin, 0), self._steps - length)
+            factors = noises[int(rng.integers(len(noises)))]
+            gained, took = self._trial(begin, begin + length, temperature, factors, rng)
+            value += gained
+            done += max(took / seconds, 1.0 / (ENOUGH * self._steps))
+            if value > most + 1e-9:
+                most = value
+                best = copy.deepcopy(self.paths)
+            begin += direction * int(rng.integers(4))
+            if not 0 <= begin <= self._steps - length:
                 direction = -direction
-            total += gained
-            if gained < min_gain:
-                break
-        return total
+        self._replace(range(len(best)), 0, best)
 
-    def improve_segment(
-        self, drone: int, begin: int, end: int, distort: Distortion | None = None
-    ) -> float:
-        """Improve a drone's path from one step until before another; returns the value gained.
-
-        `distort` changes the gains before the best path is computed; the value may then fall.
-        """
-        old = self._segment(drone, begin, end)
-        start, goal = int(old.cells[0]), None if end == self._steps else int(old.cells[-1])
+    def _trial(
+        self, begin: int, end: int, temperature: float, factors: Floats, rng: np.random.Generator
+    ) -> tuple[float, float]:
+        """Replace segments of some drones' paths; returns the value gained and the work done."""
+        steps, size, is_tail = end - begin, self._size, end == self._steps
         stays = None if self._stays is None else self._stays[begin:end]
-        moves = end - begin if stays is None else int(np.sum(~stays))
-        reach = reach_of(start, goal, moves, self._size)
-        parts = [Segment(passes, old, begin, reach) for passes in self._passes]
-        self.work += SEGMENT_WORK + (end - begin) * (STEP_WORK + sum(part.cells for part in parts))
-        gains = np.zeros((end - begin, *reach.shape))
-        for part in parts:
-            part.add_gains(gains)
-        np.maximum(gains, 0.0, out=gains)  # rounding errors
-        if stays is not None:
-            gains[~stays] = 0.0
-        if distort is not None:
-            gains = distort(gains)
-        elif not gains.any():
-            return 0.0
-        # The path is one of cells in reach: row and column there, and the number.
-        paths = np.array([path.cells[begin : end + 1] for path in self.paths])
-        y, x, inside = reach.local(paths)
-        numbers = np.where(inside, y * reach.shape[1] + x, -1)
-        others = [ahead for which, (_, *ahead) in enumerate(numbers.tolist()) if which != drone]
-        blocked = [[cell for cell in cells if cell >= 0] for cells in zip(*others, strict=True)]
-        at_end = np.zeros(reach.shape)
-        if goal is not None:
-            at_end += FORBIDDEN
-            at_end.reshape(-1)[numbers[drone, -1]] = 0.0
-        values = values_to_go(gains, at_end, blocked, stays)
-        cells, searches = best_path(gains, values, int(numbers[drone, 0]), blocked, stays)
-        rows, columns = np.divmod(cells, reach.shape[1])
-        new = Path((rows + reach.top) * self._size + columns + reach.left, searches)
-        if np.array_equal(new.cells, old.cells) and np.array_equal(new.searches, old.searches):
-            return 0.0
-        gain = sum(part.gain(new) for part in parts)
-        if gain <= MIN_GAIN and distort is None:
-            return 0.0
-        self._replace(drone, begin, new)
-        return gain
+        moves = steps if stays is None else int(np.sum(~stays))
+        # [step, drone]
+        cells = np.array([path.cells[begin : end + 1] for path in self.paths]).T
+        searches = np.array([path.searches[begin:end] for path in self.paths]).T
+        teams = self._teams(cells, rng)  # [box, place]
+        (count, members), starts = teams.shape, cells[0, teams]
+        old_goals, goals = cells[-1, teams], cells[-1, teams]
+        if is_tail:
+            old_goals = goals = np.full_like(goals, -1)
+        elif members > 1:
+            can = (distance(starts, goals[:, ::-1], size) <= moves).all(axis=1)
+            exchanges = can & (rng.random(count) < EXCHANGES)
+            goals[exchanges] = goals[exchanges, ::-1]
+        ways = np.hstack([starts, starts]), np.hstack([old_goals, goals])
+        reach = Boxes.around(*ways, moves, 0, size)
+        boxes = Boxes.around(*ways, moves, steps // 2, size)
+        windows = [Window(passes, begin, steps, boxes) for passes in self._passes]
+        values = steps * sum(window.cells for window in windows)
+        candidates = min(max(VALUES // values, FEWEST), MOST)
+        took = STEP_COST * steps + VALUE_COST * values * candidates
+        took = TRIAL_COST + members * took
+        for drones in teams.T:
+            for window in windows:
+                window.remove(cells[:-1, drones], searches[:, drones])
+        taken = self._others(reach.numbers(cells[..., None]), teams)
+        total, new = np.zeros((count, candidates)), []
+        for place, drones in enumerate(teams.T):
+            gains = windows[0].gains(reach)
+            for window in windows[1:]:
+                gains = gains + window.gains(reach)
+            if stays is not None:
+                gains[~stays] = 0.0
+            many = (steps, count, candidates, reach.height, reach.width)
+            some = factors[int(rng.integers(NOISE)) :][: math.prod(many)]
+            gains = np.maximum(gains, 0.0) * np.resize(some, many)  # below 0 by rounding errors
+            ends = -1 if is_tail else reach.numbers(goals[:, place])
+            begins = reach.numbers(cells[0, drones])
+            paths, looks, possible = _best(gains, begins, ends, taken, stays)
+            # The first candidate is the old path.
+            possible[:, 0] = True
+            paths[:, :, 0], looks[:, :, 0] = reach.numbers(cells[:, drones]), searches[:, drones]
+            for indices, here in zip(taken, paths[1:], strict=True):
+                indices.append((*np.indices(here.shape), here))
+            paths, is_last = reach.cells(paths), place == members - 1
+            total += sum(window.add(paths[:-1], looks, is_last) for window in windows)
+            total[~possible] = -np.inf
+            new.append((paths, looks))
+        chosen = (total / temperature + rng.gumbel(size=total.shape)).argmax(axis=1)
+        gained, changed = 0.0, np.zeros(count, np.bool_)
+        for box in chosen.nonzero()[0]:
+            # Boxes that do not meet do not affect each other.
+            if not (boxes.meet(box) & changed).any():
+                changed[box], best = True, chosen[box]
+                gained += float(total[box, best] - total[box, 0])
+                parts = [Path(paths[:, box, best], looks[:, box, best]) for paths, looks in new]
+                self._replace(teams[box].tolist(), begin, parts)
+        return gained, took
+
+    def _teams(self, cells: Ints, rng: np.random.Generator) -> Ints:
+        """The drones of each box: one, (K, 1), or two that are near each other, (K, 2)."""
+        order = rng.permutation(len(self.paths))
+        pairs, free = [], order if rng.random() < PAIRS else order[:0]
+        middle = cells[len(cells) // 2]
+        while len(free) > 1:
+            drone, free = free[0], free[1:]
+            far = distance(middle[free], middle[drone], self._size)
+            if far.min() < len(cells):
+                pairs.append((drone, free[far.argmin()]))
+                free = np.delete(free, far.argmin())
+        most = len(order) if self._boxed else 1
+        return np.array(pairs[:most]) if pairs else order[: min(TOGETHER, most), None]
+
+    @staticmethod
+    def _others(numbers: Ints, teams: Ints) -> list[list[tuple[Any, ...]]]:
+        """The cells of all drones but its team in each box: for each step, an index.
+
+        Given are their numbers in the boxes, [step, drone, box].
+        """
+        numbers[:, teams.T, np.arange(len(teams))] = -1
+        taken: list[list[tuple[Any, ...]]] = []
+        for here in numbers[1:]:
+            drone, box = (here >= 0).nonzero()
+            taken.append([(box, slice(None), here[drone, box])])
+        return taken
 
     def _segment(self, drone: int, begin: int, end: int) -> Path:
         """A part of a drone's path; a view."""
         path = self.paths[drone]
         return Path(path.cells[begin : end + 1], path.searches[begin:end])
 
-    def _replace(self, drone: int, begin: int, new: Path) -> None:
-        """Replace a segment of a drone's path."""
-        old = self._segment(drone, begin, begin + len(new.searches))
+    def _replace(self, drones: Sequence[int], begin: int, new: Sequence[Path]) -> None:
+        """Replace segments of some drones' paths; each goes on as the one who was there did."""
+        end = begin + len(new[0].searches)
+        old = [self._segment(drone, begin, end) for drone in drones]
         for passes in self._passes:
             passes.replace(old, new, begin)
-        old.cells[:], old.searches[:] = new
+        rests = [copy.deepcopy(self._segment(drone, end, self._steps)) for drone in drones]
+        rest_from = {int(rest.cells[0]): rest for rest in rests}
+        for drone, path in zip(drones, new, strict=True):
+            cells, searches = self.paths[drone]
+            cells[begin : end + 1], searches[begin:end] = path
+            if end < self._steps:
+                cells[end:], searches[end:] = rest_from[int(path.cells[-1])]
 
-    def perturb(self, rng: np.random.Generator) -> None:
-        """Improve every drone's whole path with randomly distorted gains."""
-        for drone in range(len(self.paths)):
-            self.improve_segment(
-                drone, 0, self._steps, lambda gains: gains * np.exp(rng.normal(size=gains.shape))
-            )
 
-    def explore(
-        self, rng: np.random.Generator, work: float, report: Report = lambda fraction: None
-    ) -> None:
-        """Distort short segments at random, improve around them, and keep what is not worse."""
-        begin_work = self.work
-        while self.work < begin_work + work:
-            report((self.work - begin_work) / work)
-            length = min(int(rng.integers(SHORTEST, LONGEST + 1)), self._steps)
-            begin = int(rng.integers(self._steps - length + 1))
-            first, last = max(begin - length // 4, 0), min(begin + length * 5 // 4, self._steps)
-            near = self._nearest(int(rng.integers(len(self.paths))), begin + length // 2)
-            strength = float(rng.choice(STRENGTHS))
+def _best(
+    gains: Floats,
+    starts: Ints,
+    ends: Any,
+    taken: Sequence[Sequence[tuple[Any, ...]]],
+    stays: Flags | None,
+) -> tuple[Ints, Flags, Flags]:
+    """The best paths for some gains, (L, K, m, h, w), see `paths`; and whether each can get there.
 
-            def distort(gains: Floats, strength: float = strength) -> Floats:
-                return gains * np.exp(strength * rng.normal(size=gains.shape))
-
-            before = copy.deepcopy({d: self._segment(d, first, last) for d in sorted(near)})
-            gained = sum(
-                self.improve_segment(drone, begin, begin + length, distort)
-                for drone in near[: int(rng.integers(1, 3))]
-            )
-            gained += self.improve(
-                min_length=SHORTEST, min_gain=0.0, max_rounds=1, begin=first, end=last, drones=near
-            )
-            if gained < 0.0:
-                for drone, old in before.items():
-                    self._replace(drone, first, old)
-
-    def _nearest(self, drone: int, step: int) -> list[int]:
-        """A drone and those nearest to it in a step, `NEAREST` in all."""
-        y, x = np.divmod([path.cells[step] for path in self.paths], self._size)
-        distances = abs(y - y[drone]) + abs(x - x[drone])
-        nearest: list[int] = distances.argsort(kind="stable")[:NEAREST].tolist()
-        return nearest
+    Args:
+        gains: for each of m candidates in each of K boxes.
+        starts: the first cell of the paths in a box, (K,).
+        ends: their last cell, (K,), or -1 if it does not matter.
+        taken: for each step, the cells of others after it.
+        stays: see `values_to_go`.
+    """
+    steps, count, candidates, height, width = gains.shape
+    at_end = np.zeros((count, 1, height * width))
+    if np.all(ends >= 0):
+        at_end += FORBIDDEN
+        at_end[np.arange(count), 0, ends] = 0.0
+    values = values_to_go(gains, at_end.reshape(count, 1, height, width), taken, stays)
+    flat = steps, count * candidates, height, width
+    gains, values = gains.reshape(flat), values.reshape(-1, *flat[1:])
+    starts, which = starts.repeat(candidates), np.arange(count * candidates)
+    cells, searches = best_paths(gains, values, starts, which, stays)
+    possible = values[0].take(which * (height * width) + starts) > FORBIDDEN
+    return (
+        cells.reshape(-1, count, candidates),
+        searches.reshape(-1, count, candidates),
+        possible.reshape(count, candidates),
+    )

@@ -71,8 +71,13 @@ class PlannedPolicy(SwarmPolicy):
         self._plans: dict[tuple[Any, ...], list[PlannedStep]] = {}
 
     @abstractmethod
-    def plan(self, tracker: BeliefTracker, cells: list[Cell]) -> list[PlannedStep]:
-        """A plan for the next steps (see `horizon`) from now on; `tracker` must not be updated."""
+    def plan(
+        self, tracker: BeliefTracker, cells: list[Cell], rest: Sequence[PlannedStep] = ()
+    ) -> list[PlannedStep]:
+        """A plan for the next steps (see `horizon`) from now on; `tracker` must not be updated.
+
+        `rest` are the steps that are left of the plan until now, if the drones followed it.
+        """
 
     def begin(self) -> PlannedSearch:
         return PlannedSearch(copy.deepcopy(self._tracker))
@@ -92,10 +97,12 @@ class PlannedPolicy(SwarmPolicy):
     def _replan(self, memory: PlannedSearch, cells: list[Cell]) -> None:
         """Give a search a plan from its current step on."""
         tracker = memory.tracker
+        rest = memory.plan[tracker.step - memory.situations[-1][0] :]
+        rest = rest if rest and rest[0][0] == cells else []
         now = tracker.step, tracker.missing, tuple(cells)
         memory.situations = (*memory.situations, now)
         if memory.situations not in self._plans:
-            plan = self.plan(tracker, cells)
+            plan = self.plan(tracker, cells, rest)
             if len(self._plans) == CACHED_PLANS:
                 self._plans.clear()
             self._plans[memory.situations] = plan

@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.planning.passes import Target
 from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.planning.plan import Plan, Report, idle_paths
+from DroneSwarmSearch.planning.plan import Plan, Report
+from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
-from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy, PosteriorGreedyPolicy
+from DroneSwarmSearch.policies.greedy import (
+    ForecastGreedyPolicy,
+    GreedyPolicy,
+    PosteriorGreedyPolicy,
+)
+from DroneSwarmSearch.policies.patterns import (
+    CreepingLinePolicy,
+    ExpandingSquarePolicy,
+    ParallelSweepPolicy,
+    SectorSearchPolicy,
+)
 from DroneSwarmSearch.policies.planned import (
     HORIZON,
+    Act,
     PlannedPolicy,
     PlannedStep,
     searching_in_flight,
 )
+from DroneSwarmSearch.policies.ppo import PPOPolicy
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -23,71 +39,79 @@ EARLY_BONUS = 0.01
 """How much more a find in the first step is worth than one in the last, in the choice of paths; of
 several plans, the one with the largest probability of success wins, without the bonus."""
 
-MIN_GAIN, MAX_ROUNDS = 5e-4, 8
-"""Improvement of an initial plan stops after a round that gains less, or after so many."""
+SECONDS = 20.0
+"""The default work for a plan."""
 
-MIN_LENGTH = 3
-"""Length of the shortest path segments to improve, in steps."""
+AFTER_FIND = 0.01
+"""The work for a plan after a find, as a fraction of that for the first plan."""
 
-WORK, WORK_AFTER_FIND = 2.5e8, 2e6
-"""The most work for a first plan, to improve the best initial plan and explore from it, and for a
-plan after a find: about ten seconds, and a tenth of one."""
-
-MAX_LENGTH_AFTER_FIND = 24
-"""Length of the longest path segments to improve after a find."""
-
-MAX_LENGTH_IN_FLIGHT = 48
-"""Length of the longest path segments to improve for drones that search in flight."""
-
-EXPLORED_ROUNDS = 500
-"""Exploring takes at most as much work as this many rounds of improvement."""
-
-RANDOM_STARTS, RANDOM_BUDGET = 32, 400_000
-"""The most random initial plans, and the largest product of their number, drones, hypotheses, steps
-and cells: about a second. Only small searches can afford them."""
-
-FEW_DRONES = 4
-"""The most drones for which idle drones are an initial plan, too."""
+INITIAL = (
+    GreedyPolicy,
+    ParallelSweepPolicy,
+    CreepingLinePolicy,
+    ExpandingSquarePolicy,
+    SectorSearchPolicy,
+)
+"""Policies whose paths are initial plans before the first step, besides those after a find."""
 
 
 class PlannerPolicy(PlannedPolicy):
     """Plans the paths of all drones together, from its own beliefs (`BeliefTracker`).
 
-    The first plan of a scenario takes seconds on a large grid; searches that begin in the same
-    way share it. With tqdm installed, a bar shows the progress.
+    The first plan of a scenario takes about as long as `seconds` says, and the paths of the other
+    policies that it begins with; searches that begin in the same way share it. With tqdm
+    installed, a bar shows the progress. The work is counted, not timed, so that a plan does not
+    depend on the computer.
 
-    A plan maximises the probability of success by the limit, with several persons its mean over
-    those who are missing, and among nearly equal plans prefers early finds (``EARLY_BONUS``). Of
-    persons with `survival`, it is the probability of finding them alive. With one person, a plan is
-    never worse than the paths of `PosteriorGreedyPolicy` and `ForecastGreedyPolicy`. With several,
-    it only lasts until the next find.
+    A plan maximises the probability of success by the limit, and among nearly equal plans prefers
+    early finds (``EARLY_BONUS``). Of persons with `survival`, it is the probability of finding them
+    alive. With one person and up to ``HORIZON`` steps, a plan is never worse than the paths of any
+    other policy. With several persons, a plan lasts until the next find. Then the next one begins
+    with the rest of the old one.
 
     Args:
         scenario: the parameters of every search to steer.
+        seconds: the work to improve a plan, in seconds on a common computer.
         in_flight: whether drones search in even steps and move in odd ones, which stands for
             drones that search while they fly and cross a cell in two steps.
+
+    Raises:
+        TypeError: `scenario` is not a `Scenario`, or `seconds` is not a number.
+        ValueError: `seconds` is negative.
     """
 
-    def __init__(self, scenario: Scenario, *, in_flight: bool = False) -> None:
+    def __init__(
+        self, scenario: Scenario, *, seconds: float = SECONDS, in_flight: bool = False
+    ) -> None:
         super().__init__(scenario)
+        self._seconds = checks.real("seconds", seconds, 0.0)
         self._in_flight = in_flight
-        self._initial: list[PosteriorGreedyPolicy] = [PosteriorGreedyPolicy(scenario)]
-        if not in_flight:  # where it finds no more, and takes minutes on large grids
-            self._initial.append(ForecastGreedyPolicy(scenario))
+        self._posterior = PosteriorGreedyPolicy(scenario)
 
     def prepare(self, drones_positions: object) -> None:
         """Make the first plan now, so that copies and pickles of the policy include it."""
         starts = self.scenario.drone_cells(drones_positions)
         self._replan(self.begin(), [self._positions[cell] for cell in starts])
 
-    def plan(self, tracker: BeliefTracker, cells: list[Cell]) -> list[PlannedStep]:
-        acts = [
-            searching_in_flight(policy.actions) if self._in_flight else policy.actions
-            for policy in self._initial
-        ]
-        initial = [self._paths(self.simulated(act, tracker, cells)[0]) for act in acts]
+    def plan(
+        self, tracker: BeliefTracker, cells: list[Cell], rest: Sequence[PlannedStep] = ()
+    ) -> list[PlannedStep]:
+        initial = [self._paths(steps) for steps in self._initial(tracker, cells)]
+        if rest and len(rest) == len(initial[0][0].searches):
+            initial.append(self._paths(rest))
         with progress("planning", 1.0) as bar:
             return self._steps(self._improved(tracker, initial, bar))
+
+    def _initial(self, tracker: BeliefTracker, cells: list[Cell]) -> list[list[PlannedStep]]:
+        """The paths of other policies."""
+        act = self._posterior.actions
+        if self._in_flight:  # greedy search on the forecast finds no more, and takes minutes
+            return [self.simulated(searching_in_flight(act), tracker, cells)[0]]
+        acts: list[Act] = [act, ForecastGreedyPolicy(self.scenario).actions]
+        if tracker.step == 0:
+            acts += [_acting(kind(self.scenario)) for kind in INITIAL]
+        plans = [self.simulated(each, tracker, cells)[0] for each in acts]
+        return [*plans, PPOPolicy(self.scenario).plan(tracker, cells)]
 
     def _improved(
         self, tracker: BeliefTracker, initial: list[list[Path]], report: Report
@@ -98,55 +122,27 @@ class PlannerPolicy(PlannedPolicy):
         worth = 1.0 + bonus * (1.0 - np.arange(steps) / steps)
         forecasts, detections = tracker.forecasts, self.scenario.detections
         missing, ahead = tracker.missing, range(step, step + steps)
+        everyone = self.scenario.mission == "rescue" and len(missing) > 1
         alive = np.array([[*map(self.scenario.situation[each].alive, ahead)] for each in missing])
-        alive /= alive[:, 0].max() or 1.0  # relative, so that MIN_GAIN means the same
         targets = [
             Target(forecasts[person], detections[person], tracker.joint(person), worth * survival)
             for person, survival in zip(missing, alive, strict=True)
         ]
 
         def success(paths: list[Path]) -> float:
-            return sum(float(each.sum()) for each in alive * Plan(targets, step, paths).found())
+            found = (alive * Plan(targets, step, paths).found()).sum(axis=1)
+            return float(np.prod(found) if everyone else np.mean(found))
 
-        best_initial = max(initial, key=success)
-        idle = idle_paths([int(path.cells[0]) for path in best_initial], steps)
-        work, max_length, perturbed = WORK_AFTER_FIND, MAX_LENGTH_AFTER_FIND, 0
-        if step % HORIZON:
-            initial = [best_initial]
-        else:
-            work, max_length = WORK, steps
-            if self._in_flight:
-                max_length = MAX_LENGTH_IN_FLIGHT
-            elif len(idle) <= FEW_DRONES:
-                initial = [*initial, idle]
-            size = len(idle) * steps * sum(target.belief.size for target in targets)
-            perturbed = min(RANDOM_STARTS, RANDOM_BUDGET // size)
-        count, best = len(initial) + perturbed, None
-        rng = np.random.default_rng(0)
-        for number, paths in enumerate([*initial, *[idle] * perturbed]):
+        best = max(initial, key=success)
+        if everyone:  # the gradient of the logarithm of the product
+            for target, found in zip(targets, Plan(targets, step, best).found(), strict=True):
+                target.worth /= found.sum() or 1.0
+        plan = Plan(targets, step, best, in_flight=self._in_flight)
+        seconds = self._seconds * (AFTER_FIND if step % HORIZON else 1.0)
+        plan.anneal(seconds, np.random.default_rng(0), report)
+        return max(plan.paths, best, key=success)
 
-            def report_part(part: float, number: int = number) -> None:
-                report((number + part) / count / 2)
-
-            # Large, so only two exist at a time.
-            plan = Plan(targets, step, paths, in_flight=self._in_flight)
-            if number >= len(initial):
-                plan.perturb(rng)
-            plan.improve(
-                min_length=MIN_LENGTH,
-                min_gain=MIN_GAIN,
-                max_rounds=MAX_ROUNDS,
-                max_length=max_length,
-                report=report_part,
-            )
-            if best is None or plan.value() > best.value():
-                best = plan
-        assert best is not None
-        work = min(work - best.work, EXPLORED_ROUNDS * best.round_work)
-        best.explore(rng, work, report=lambda part: report(0.5 + part / 2))
-        return max(best.paths, best_initial, key=success)
-
-    def _paths(self, steps: list[PlannedStep]) -> list[Path]:
+    def _paths(self, steps: Sequence[PlannedStep]) -> list[Path]:
         """Every drone's path in a plan."""
         size = self.scenario.grid_size
         cells = [[y * size + x for x, y in here] for here, _ in steps]
@@ -170,3 +166,9 @@ class PlannerPolicy(PlannedPolicy):
             ]
             steps.append(([self._positions[cell] for cell in here], actions))
         return steps
+
+
+def _acting(policy: SwarmPolicy) -> Act:
+    """Choose the actions of a policy, from the first step of a search on."""
+    memory = policy.begin()
+    return lambda tracker, cells: policy.choose(memory, cells, tracker.matrix())

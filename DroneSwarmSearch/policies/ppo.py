@@ -147,7 +147,9 @@ class PPOPolicy(PlannedPolicy):
         memory.tracker.update(cells, actions)
         return actions
 
-    def plan(self, tracker: BeliefTracker, cells: list[Cell]) -> list[PlannedStep]:
+    def plan(
+        self, tracker: BeliefTracker, cells: list[Cell], rest: Sequence[PlannedStep] = ()
+    ) -> list[PlannedStep]:
         """The most successful simulation of the rest of a search."""
         tracker = copy.deepcopy(tracker)
         # In a coverage mission nobody is found, as in the simulations.

@@ -1,0 +1,236 @@
+"""What a drone's searches in a few steps gain, given all other searches of a plan.
+
+Searches in L steps change the passes of the other steps and cells only near them. A drone stays in
+a box, its reach, and a person who leaves the box must come back to be searched again, so a margin
+of L / 2 cells makes the passes exact. A person whose drift model has no `matrices` may move
+farther, and gets all of the mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch.planning.passes import Passes
+
+
+class Boxes(NamedTuple):
+    """K boxes of one shape on a grid: the first row and the first column of each, (K,)."""
+
+    top: Ints
+    left: Ints
+    height: int
+    width: int
+    size: int
+
+    @classmethod
+    def around(cls, starts: Ints, goals: Ints, moves: int, margin: int, size: int) -> Boxes:
+        """The cells on the ways from some cells to others, (K, ...), in some moves, and a margin.
+
+        A goal of -1 stands for all cells within reach.
+        """
+        slack = np.where(goals < 0, moves, (moves - distance(starts, goals, size)) // 2)
+        goals = np.where(goals < 0, starts, goals)
+        first: list[Ints] = []
+        lengths: list[int] = []
+        for start, goal in zip(np.divmod(starts, size), np.divmod(goals, size), strict=True):
+            low = (np.minimum(start, goal) - slack).min(axis=1) - margin
+            high = (np.maximum(start, goal) + slack).max(axis=1) + margin
+            lengths.append(min(int((high - low).max()) + 1, size))
+            first.append(np.clip(low, 0, size - lengths[-1]))
+        return cls(first[0], first[1], lengths[0], lengths[1], size)
+
+    def numbers(self, cells: Ints) -> Ints:
+        """The numbers y * width + x in the boxes of cells on the grid, (..., K); -1 if outside."""
+        y, x = np.divmod(cells, self.size)
+        y, x = y - self.top, x - self.left
+        inside = (y >= 0) & (y < self.height) & (x >= 0) & (x < self.width)
+        numbers: Ints = np.where(inside, y * self.width + x, -1)
+        return numbers
+
+    def cells(self, numbers: Ints) -> Ints:
+        """The cells on the grid of numbers in the boxes, (..., K, m)."""
+        y, x = np.divmod(numbers, self.width)
+        cells: Ints = (y + self.top[:, None]) * self.size + x + self.left[:, None]
+        return cells
+
+    def meet(self, box: int) -> Flags:
+        """Whether each box has a cell in common with one of them: (K,)."""
+        by_row = abs(self.top - self.top[box]) < self.height
+        by_column = abs(self.left - self.left[box]) < self.width
+        meets: Flags = by_row & by_column
+        return meets
+
+
+def distance(cells: Any, others: Any, size: int) -> Any:
+    """The moves from cells to others."""
+    (y, x), (to_y, to_x) = np.divmod(cells, size), np.divmod(others, size)
+    return abs(to_y - y) + abs(to_x - x)
+
+
+class Window:
+    """The masses and losses of one target in L steps, in K boxes of the grid.
+
+    A loss is what a search loses to the rest of the plan: the worth of a find, less the rest. In
+    each box, several candidates for the paths of some drones can be tried. Masses, losses and kept
+    fractions are indexed [step, layer, box, candidate, y, x], with one candidate at first.
+
+    Args:
+        passes: those of the plan.
+        begin: the first step.
+        steps: the number of steps, L.
+        boxes: the boxes.
+    """
+
+    def __init__(self, passes: Passes, begin: int, steps: int, boxes: Boxes) -> None:
+        self._target, self._first, end = passes.target, passes.first + begin, begin + steps
+        passes.update(begin, end - 1)
+        chain, size = self._target.chain, boxes.size
+        self._top, self._left = boxes.top[:, None], boxes.left[:, None]
+        y, x = np.arange(boxes.height) + self._top, np.arange(boxes.width) + self._left
+        by_row, by_column, cells = (
+            each[:, None, :, None] * size + other[:, None, None, :]
+            for each, other in ((y, y), (x, x), (y, x))
+        )
+        matrices = [chain.matrices(self._first + step) for step in range(steps)]
+        self._matrices = [
+            (_part(along_x, by_column), _part(along_y, by_row))
+            for along_x, along_y in filter(None, matrices)
+        ]
+        masses, rests, kept = (
+            values[begin:end] for values in (passes.masses, passes.rests, passes.kept)
+        )
+        self._masses, rests, self._kept = (
+            _part(values, cells) if self._matrices else values[:, :, None, None].copy()
+            for values in (masses, rests, chain.lift(kept))
+        )
+        self._losses = self._target.worth[begin:end, None, None, None, None, None] - rests
+        self.cells = self._masses[0].size
+
+    def remove(self, cells: Ints, searches: Flags) -> None:
+        """Remove the searches of one drone in each box: its cell and whether it searches, (L, K).
+
+        More is then left to find, and less is found later.
+        """
+        where = self._indices(cells[..., None], searches[..., None])
+        for step, index in enumerate(where):
+            self._kept[step][index] = 1.0
+        steps = range(len(where))
+        self._change(self._masses, steps, self._forward, where, 1.0)
+        self._change(self._losses, steps[::-1], self._backward, where, 1.0)
+
+    def gains(self, boxes: Boxes) -> Floats:
+        """What one search of each cell gains in each step: (L, K, candidates, h, w).
+
+        The cells are those of smaller boxes, each within one of the window.
+        """
+        gains = self._masses * self._losses
+        gains *= self._target.detection
+        y, x = (
+            np.arange(boxes.height) + boxes.top[:, None],
+            np.arange(boxes.width) + boxes.left[:, None],
+        )
+        if self._matrices:
+            y, x, total = y - self._top, x - self._left, gains.sum(axis=1)
+        else:
+            total = self._target.chain.map(np.moveaxis(gains, 1, -3))
+        box = np.arange(len(y))[:, None, None]
+        inner: Floats = total.swapaxes(1, 2)[:, :, box, y[:, :, None], x[:, None]]
+        return inner.swapaxes(1, 2)
+
+    def add(self, cells: Ints, searches: Flags, is_last: bool) -> Floats:
+        """Add the searches of one drone in each box, by m candidates; returns their gains, (K, m).
+
+        Args:
+            cells: the drone's cell on the grid before each step: (L, K, m).
+            searches: whether it searches in each step: (L, K, m).
+            is_last: whether nothing else will be added, so that only the gains matter.
+        """
+        where, q = self._indices(cells, searches), self._target.detection
+        shape = (*self._masses.shape[1:3], cells.shape[-1], *self._masses.shape[-2:])
+        gained, found, last = np.zeros(cells.shape[1:]), np.zeros(shape), len(where) - 1
+        masses = self._masses if is_last else np.empty((len(where), *shape))
+        for step, (_, box, candidate, y, x) in enumerate(where):
+            # All candidates still share one mass unless some drone's were added before.
+            one = candidate if self._masses.shape[3] > 1 else np.zeros_like(candidate)
+            mass = self._masses[step][:, box, one, y, x] - found[:, box, candidate, y, x]
+            loss = self._losses[step][:, box, one, y, x]
+            gained[box, candidate] += q * (mass * loss).sum(axis=0)
+            if not is_last:
+                np.subtract(self._masses[step], found, out=masses[step])
+            if step < last:
+                found *= self._kept[step]
+                found[:, box, candidate, y, x] += q * mass
+                found = self._forward(found, step)
+        if not is_last:
+            self._masses = masses
+            steps = range(last, -1, -1)
+            losses = np.broadcast_to(self._losses, masses.shape).copy()
+            self._change(losses, steps, self._backward, where, -1.0)
+            self._losses = losses
+            self._kept = np.broadcast_to(self._kept, (len(where), 1, *shape[1:])).copy()
+            for step, index in enumerate(where):
+                self._kept[step][index] = 1.0 - q
+        return gained
+
+    def _indices(self, cells: Ints, searches: Flags) -> list[tuple[Any, ...]]:
+        """The index of the searched states in each step, given those of `add`."""
+        size, places = self._target.chain.grid_size, self._target.chain.places
+        y, x = np.divmod(cells if self._matrices else places[cells], size)
+        if self._matrices:
+            y, x = y - self._top, x - self._left
+        indices = []
+        for step, searching in enumerate(searches):
+            who = searching.nonzero()
+            indices.append((slice(None), *who, y[step][who], x[step][who]))
+        return indices
+
+    def _change(
+        self,
+        values: Floats,
+        steps: range,
+        drift: Callable[[Floats, int], Floats],
+        where: list[tuple[Any, ...]],
+        sign: float,
+    ) -> None:
+        """Remove (sign 1) or add (sign -1) searches, from one end of the window to the other."""
+        more = np.zeros(values.shape[1:])
+        for step in steps:
+            here = values[step][where[step]]
+            if sign < 0.0:
+                here -= more[where[step]]
+            values[step] += sign * more
+            if step != steps[-1]:
+                more *= self._kept[step]
+                more[where[step]] += self._target.detection * here
+                more = drift(more, step)
+
+    def _forward(self, mass: Floats, step: int) -> Floats:
+        """The mass, [layer, box, candidate, y, x], one step later."""
+        if not self._matrices:
+            return self._each(self._target.chain.forward, mass, self._first + step)
+        along_x, along_y = self._matrices[step]
+        moved: Floats = along_y.swapaxes(-1, -2) @ mass @ along_x
+        return moved
+
+    def _backward(self, value: Floats, step: int) -> Floats:
+        """The expected value, [layer, box, candidate, y, x], one step earlier."""
+        if not self._matrices:
+            return self._each(self._target.chain.backward, value, self._first + step - 1)
+        along_x, along_y = self._matrices[step - 1]
+        expected: Floats = along_y @ value @ along_x.swapaxes(-1, -2)
+        return expected
+
+    def _each(self, drift: Callable[[Floats, int], Floats], values: Floats, step: int) -> Floats:
+        """The drift of each candidate's values, for a model without matrices."""
+        after = [drift(values[:, 0, number], step) for number in range(values.shape[2])]
+        return np.stack(after, axis=1)[:, None]
+
+
+def _part(values: Floats, at: Ints) -> Floats:
+    """Values (..., N, N) at some indices of their last two axes together, (...)."""
+    part: Floats = values.reshape(*values.shape[:-2], -1).take(at, axis=-1)
+    return part
