@@ -12,7 +12,7 @@ from hypothesis import settings
 # Tests run in parallel processes, whose BLAS threads would only compete. NumPy reads this once.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from DroneSwarmSearch.policies import planner
+from DroneSwarmSearch.planning import plan
 
 settings.register_profile("busy machines", deadline=None)
 settings.load_profile("busy machines")
@@ -31,8 +31,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def quick_plans(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the planner do little work, except in tests of the quality of plans."""
     if request.node.get_closest_marker("good_plans") is None:
-        monkeypatch.setattr(planner, "RANDOM_STARTS", 0)
-        monkeypatch.setattr(planner, "EXPLORED_ROUNDS", 1)
+        monkeypatch.setattr(plan, "ENOUGH", 1)
 
 
 @pytest.fixture

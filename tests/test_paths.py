@@ -8,7 +8,7 @@ import hypothesis.strategies as st
 import numpy as np
 from hypothesis import given, settings
 
-from DroneSwarmSearch.planning.paths import FORBIDDEN, best_path, values_to_go
+from DroneSwarmSearch.planning.paths import FORBIDDEN, best_paths, values_to_go
 
 Option = tuple[float, list[int], list[bool]]
 
@@ -56,16 +56,22 @@ def test_the_best_path_is_the_first_of_all_best_paths(
     board: tuple[np.ndarray, np.ndarray, list[list[int]]],
 ) -> None:
     gains, at_end, blocked = board
-    values = values_to_go(gains, at_end, blocked)
-    assert values.shape == (len(gains) + 1, *at_end.shape)
-    assert np.array_equal(values[-1], at_end)
-    for start, value in enumerate(values[0].reshape(-1)):
+    # Two gains at once; the second ones are twice the first.
+    both, taken = np.stack([gains, 2.0 * gains], axis=1), [[(..., cells)] for cells in blocked]
+    values = values_to_go(both, at_end, taken)
+    assert values.shape == (len(gains) + 1, 2, *at_end.shape)
+    starts = np.arange(at_end.size)
+    paths = best_paths(both, values, starts, np.zeros_like(starts))
+    twice = best_paths(both, values, starts, np.ones_like(starts))
+    for start, value in enumerate(values[0, 0].reshape(-1)):
         options = [it for it in all_paths(gains, at_end, blocked, start) if it[0] > FORBIDDEN]
         if not options:
             assert value == FORBIDDEN
             continue
         gained, cells, searches = max(options, key=lambda it: it[0])  # the first of equals
         assert value == gained
-        path = best_path(gains, values, start, blocked)
-        assert path.cells.tolist() == cells
-        assert path.searches.tolist() == searches
+        assert paths[0][:, start].tolist() == cells
+        assert paths[1][:, start].tolist() == searches
+        if not at_end[np.isfinite(at_end)].any():
+            assert twice[0][:, start].tolist() == cells
+            assert values[0, 1].reshape(-1)[start] == 2.0 * gained

@@ -74,19 +74,41 @@ def test_value_and_success_are_the_sums_over_all_trajectories(
 
 
 @settings(max_examples=60, derandomize=True)
-@given(plans(most_steps=9), st.data())
-def test_the_gain_of_any_other_segment_is_exact(
-    plan_of: tuple[NamedSearch, list[Path], np.ndarray], data: st.DataObject
+@given(plans(most_steps=9), st.integers(0, 2**32), st.sampled_from([1e-9, 0.01, 10.0]))
+def test_annealing_keeps_paths_legal_and_values_exact(
+    plan_of: tuple[NamedSearch, list[Path], np.ndarray], seed: int, heat: float
 ) -> None:
     of, paths, worth = plan_of
-    rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
-    begin = data.draw(st.integers(0, len(worth) - 1))
-    end = data.draw(st.integers(begin + 1, len(worth)))
     plan = Plan(targets_of(of, worth=worth), 0, paths)
-    before = plan.value()
-    gained = plan.improve_segment(0, begin, end, lambda gains: rng.random(gains.shape))
-    assert plan.value() - before == pytest.approx(gained, abs=1e-12)
+    value, fractions = plan.value(), []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("DroneSwarmSearch.planning.plan.HOTTEST", heat)
+        plan.anneal(0.02, np.random.default_rng(seed), report=fractions.append)
+    assert plan.value() >= value - 1e-9
+    assert plan.value() == pytest.approx(
+        Plan(targets_of(of, worth=worth), 0, plan.paths).value(), abs=1e-12
+    )
     assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
+    assert fractions == sorted(fractions)
+    assert 0.0 <= fractions[0] <= fractions[-1] < 1.0
+
+
+@settings(max_examples=40, derandomize=True)
+@given(plans(most_steps=9), st.integers(0, 2**32))
+def test_the_gain_of_a_trial_is_exact(
+    plan_of: tuple[NamedSearch, list[Path], np.ndarray], seed: int
+) -> None:
+    """Hot trials change paths at random, of one drone or of two that exchange their rests."""
+    of, paths, worth = plan_of
+    rng = np.random.default_rng(seed)
+    plan = Plan(targets_of(of, worth=worth), 0, paths)
+    for _ in range(5):
+        begin = int(rng.integers(len(worth)))
+        end = int(rng.integers(begin + 1, len(worth) + 1))
+        before = plan.value()
+        gained, _ = plan.trial(begin, end, 1e3, np.exp(rng.normal(size=2**18)), rng)
+        assert plan.value() - before == pytest.approx(gained, abs=1e-12)
+        assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
 
 
 def test_a_path_meets_the_person_as_early_as_possible() -> None:
@@ -96,24 +118,7 @@ def test_a_path_meets_the_person_as_early_as_possible() -> None:
         disperse_constant=0, timestep_limit=5, probability_of_detection=0.6,
     )  # fmt: skip
     plan = Plan(targets_of(of, worth=np.linspace(2, 1, 5)), 0, idle_paths([15], 5))
-    assert plan.improve_segment(0, 0, 5) == pytest.approx(0.6 * 1.25)
+    plan.anneal(0.1, np.random.default_rng(0))
+    assert plan.value() == pytest.approx(0.6 * 1.25)
     assert plan.paths[0].cells[3] == 3  # (3, 0), in step 3 as the person
     assert plan.paths[0].searches.tolist() == [False, False, False, True, False]
-
-
-@settings(max_examples=20, derandomize=True)
-@given(plans(most_steps=9), st.integers(0, 2**32))
-def test_exploring_never_lowers_the_value_and_keeps_paths_legal(
-    plan_of: tuple[NamedSearch, list[Path], np.ndarray], seed: int
-) -> None:
-    of, paths, worth = plan_of
-    plan = Plan(targets_of(of, worth=worth), 0, paths)
-    value, fractions = plan.value(), []
-    plan.explore(np.random.default_rng(seed), 2e5, report=fractions.append)
-    assert plan.value() >= value - 1e-9
-    assert plan.value() == pytest.approx(
-        Plan(targets_of(of, worth=worth), 0, plan.paths).value(), abs=1e-12
-    )
-    assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
-    assert fractions == sorted(fractions)
-    assert 0.0 <= fractions[0] <= fractions[-1] < 1.0

@@ -119,7 +119,7 @@ class Plan:
             length = min(length, self._steps)
             begin = min(max(begin, 0), self._steps - length)
             factors = noises[int(rng.integers(len(noises)))]
-            gained, took = self._trial(begin, begin + length, temperature, factors, rng)
+            gained, took = self.trial(begin, begin + length, temperature, factors, rng)
             value += gained
             done += max(took / seconds, 1.0 / (ENOUGH * self._steps))
             if value > most + 1e-9:
@@ -130,10 +130,18 @@ class Plan:
                 direction = -direction
         self._replace(range(len(best)), 0, best)
 
-    def _trial(
+    def trial(
         self, begin: int, end: int, temperature: float, factors: Floats, rng: np.random.Generator
     ) -> tuple[float, float]:
-        """Replace segments of some drones' paths; returns the value gained and the work done."""
+        """Replace segments of some drones' paths; returns the value gained and the work done.
+
+        Args:
+            begin: the first step to replace.
+            end: the step before which the segments end.
+            temperature: of the heat bath, in value.
+            factors: random factors of gains, (NOISE,).
+            rng: the random numbers.
+        """
         steps, size, is_tail = end - begin, self._size, end == self._steps
         stays = None if self._stays is None else self._stays[begin:end]
         moves = steps if stays is None else int(np.sum(~stays))

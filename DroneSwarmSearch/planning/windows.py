@@ -134,7 +134,8 @@ class Window:
             np.arange(boxes.width) + boxes.left[:, None],
         )
         if self._matrices:
-            y, x, total = y - self._top, x - self._left, gains.sum(axis=1)
+            y, x = y - self._top, x - self._left
+            total = gains[:, 0] if gains.shape[1] == 1 else gains.sum(axis=1)
         else:
             total = self._target.chain.map(np.moveaxis(gains, 1, -3))
         box = np.arange(len(y))[:, None, None]
