@@ -54,7 +54,7 @@ def sample_trajectories(model: DriftModel, steps: int, count: int) -> Trajectori
     return equally_likely(cells)
 
 
-def chernoff_bound(mean: float, count: int, confidence: float) -> float:
+def chernoff_bound(mean: float, count: float, confidence: float) -> float:
     """An upper confidence bound on the expectation of a quantity in [0, 1], from a sample's mean.
 
     The largest p with count * kl(mean, p) <= -ln(1 - confidence), where kl is the relative
