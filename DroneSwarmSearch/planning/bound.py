@@ -64,7 +64,7 @@ BEFORE = 0.1
 HORIZONS = 12
 """Numbers of steps for which the bound is computed; the others use the next larger one's."""
 
-WORK, MOST_WORK, TRAJECTORIES_TO_MEASURE = 2e6, 5e8, 8192
+WORK, MOST_WORK, TRAJECTORIES_TO_MEASURE = 6e6, 5e8, 8192
 """The most work in an iteration, and for the final bound, estimated from some trajectories."""
 
 MOST_MEMORY = 5
@@ -73,7 +73,7 @@ MOST_MEMORY = 5
 MOST_CELLS = 2**28
 """The most cells of all trajectories in a sample, which then take about 7 GB."""
 
-ITERATIONS, ITERATIONS_BEFORE = 400, 16
+ITERATIONS, ITERATIONS_BEFORE = 400, 12
 """The most iterations for the time limit, and for fewer steps."""
 
 

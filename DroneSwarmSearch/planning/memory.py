@@ -203,7 +203,9 @@ class RememberingDrones:
             searched = values.take(histories.after_search, axis=0).take(histories.shorter, axis=0)
             rows, columns = step.box
             searched[:, rows, columns] += self._gains(step, credits, each)
-            values = np.logaddexp(searched, moved)
+            most = np.maximum(searched, moved)
+            # Faster than np.logaddexp in single precision.
+            values = most + np.log1p(np.exp(np.minimum(searched, moved) - most))
             np.exp(searched - values, out=flow[number])
         here_now: Singles = np.zeros(shape, np.float32)
         np.add.at(here_now[0].reshape(-1), self._starts, 1.0)

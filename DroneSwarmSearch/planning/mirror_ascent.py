@@ -22,7 +22,7 @@ from DroneSwarmSearch.planning.objectives import TrajectoryObjective
 BATCH = 16384
 """Trajectories in a batch of a sample."""
 
-STEP_SIZE, SLOWER = 15.0, 0.03
+STEP_SIZE, SLOWER = 20.0, 0.03
 """The step size for one drone that gains 1 from the first tangent; its decrease per iteration."""
 
 WIDTHS = 0.2, 0.05
@@ -41,7 +41,7 @@ class Solution(NamedTuple):
     Attributes:
         value: the mean of the function at the mixture.
         upper_bound: at least the mean at any mixture.
-        effective: a number of equally likely trajectories whose mean is at least as certain.
+        effective: the number of trajectories for `chernoff_bound`, as batches count differently.
         sums: the sums of the tangents (see `RememberingDrones`), to start another solution from.
         tangents: the mean tangents: their values without effort, and their slopes, (2, M).
     """

@@ -59,7 +59,8 @@ def chernoff_bound(mean: float, count: float, confidence: float) -> float:
 
     The largest p with count * kl(mean, p) <= -ln(1 - confidence), where kl is the relative
     entropy of two Bernoulli distributions (H. Chernoff, Annals of Mathematical Statistics
-    23:493, 1952; W. Hoeffding, Journal of the American Statistical Association 58:13, 1963).
+    23:493, 1952; W. Hoeffding, Journal of the American Statistical Association 58:13, 1963). For a
+    weighted mean, the count is 1 / (the largest weight), as ln E[exp(s X)] is convex in s.
     """
     if mean >= 1.0:
         return 1.0
