@@ -64,9 +64,9 @@ class TestSuccessBound:
 
     def test_for_several_persons_is_the_product(self) -> None:
         cells, detections = [(2, 3), (4, 1), (1, 1), (2, 3)], (0.9, 0.5, 0.4, 0.9)
-        together = self.bound(5, person_initial_position=cells, probability_of_detection=detections)
+        together = self.bound(2, person_initial_position=cells, probability_of_detection=detections)
         of_each = [
-            self.bound(5, person_initial_position=cell, probability_of_detection=detection)
+            self.bound(2, person_initial_position=cell, probability_of_detection=detection)
             for cell, detection in zip(cells, detections, strict=True)
         ]
         assert len({bound.by_time.tobytes() for bound in of_each}) == 3
