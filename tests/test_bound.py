@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from branch_and_bound import best_success_of_all
 from small_searches import SMALL, best, paths_of, search, shortened, success_of
 
 from DroneSwarmSearch import Drift, Person
@@ -61,19 +62,36 @@ class TestSuccessBound:
         of = self.search(**changes)
         return success_bound(of.scenario, of.drones, horizons=horizons, memory=2)
 
-    def test_for_several_persons_is_the_bound_of_the_hardest_to_find(self) -> None:
+    def test_for_several_persons_is_the_product(self) -> None:
         cells, detections = [(2, 3), (4, 1), (1, 1), (2, 3)], (0.9, 0.5, 0.4, 0.9)
-        together = self.bound(5, person_initial_position=cells, probability_of_detection=detections)
-        single_bounds = [
-            self.bound(5, person_initial_position=cell, probability_of_detection=detection)
-            for cell, detection in zip(cells[:3], detections[:3], strict=True)
+        together = self.bound(2, person_initial_position=cells, probability_of_detection=detections)
+        of_each = [
+            self.bound(2, person_initial_position=cell, probability_of_detection=detection)
+            for cell, detection in zip(cells, detections, strict=True)
         ]
-        lowest = np.min([bound.by_time for bound in single_bounds], axis=0)
-        assert together.by_time.tolist() == lowest.tolist()
-        hardest = min(single_bounds, key=lambda bound: bound.by_limit)
-        assert (together.relaxed, together.gap) == (hardest.relaxed, hardest.gap)
-        curves = {bound.by_time.tobytes() for bound in single_bounds}
-        assert len(curves) == 3
+        assert len({bound.by_time.tobytes() for bound in of_each}) == 3
+        product = np.prod([bound.by_time for bound in of_each], axis=0)
+        np.testing.assert_allclose(together.by_time, product, rtol=1e-12)
+        value = math.prod(bound.relaxed for bound in of_each)
+        assert together.relaxed == pytest.approx(value)
+        upper = math.prod(bound.relaxed + bound.gap for bound in of_each)
+        assert together.gap == pytest.approx(upper - value)
+
+    @pytest.mark.parametrize(
+        ("cells", "detections", "drone"),
+        [([(1, 1), (1, 1)], (1.0, 0.6), (0, 1)), ([(0, 1), (2, 2)], (0.9, 0.9), (1, 0))],
+    )
+    def test_for_several_persons_is_never_below_the_optimum(
+        self, cells: list[tuple[int, int]], detections: tuple[float, float], drone: tuple[int, int]
+    ) -> None:
+        of = search(
+            [drone], grid_size=3, person_initial_position=cells, timestep_limit=5,
+            vector=(0.2, -0.1), disperse_constant=2, probability_of_detection=detections,
+        )  # fmt: skip
+        optimum = best_success_of_all(of)
+        bound = success_bound(of.scenario, of.drones, horizons=1, memory=4)
+        assert 0.05 < optimum <= bound.by_limit
+        assert bound.confidence == 1.0
 
     def test_of_a_coverage_mission_is_the_mean_over_persons(self) -> None:
         easy = Person(Drift((0, 1), diffusion=0.2), 0.9)
@@ -133,25 +151,36 @@ def test_no_policy_exceeds_the_bound(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("persons", "detections", "horizons", "bounds"),
+    ("persons", "detections", "sampled"),
     [
-        ([(1, 1), (2, 2), (1, 1)], 1.0, 3, 6),  # equal persons share one bound
-        ([(1, 1), (1, 1)], (1.0, 0.9), 2, 4),
-        ([(1, 1), (0, 0)], 1.0, 3, 3),  # from the corner, all trajectories are enumerated
+        ([(1, 1), (2, 2), (1, 1)], (1.0, 1.0, 1.0), 2),  # equal persons share one bound
+        ([(1, 1), (1, 1)], (1.0, 0.9), 2),
+        ([(1, 1), (0, 0)], (1.0, 1.0), 1),  # from the corner, all trajectories are enumerated
     ],
 )
 def test_a_sampled_bound_is_valid_for_all_persons_and_steps_together(
-    persons: list[tuple[int, int]], detections: Any, horizons: int, bounds: int
+    persons: list[tuple[int, int]], detections: tuple[float, ...], sampled: int
 ) -> None:
-    """The probability of failure, one in a thousand, is divided among the sampled bounds."""
-    of = search(
-        [(0, 0)], grid_size=4, person_initial_position=persons, timestep_limit=7,
-        vector=(0.3, 0.2), disperse_constant=12, probability_of_detection=detections,
-    )  # fmt: skip
-    bound = success_bound(of.scenario, of.drones, sample=2000, gap=0.1, horizons=horizons, memory=2)
-    expected = chernoff_bound(bound.relaxed + bound.gap, 2000, 1 - 0.001 / bounds)
-    assert bound.by_limit == pytest.approx(expected, rel=1e-9)
-    assert bound.confidence == 0.999
+    """The probability of failure, one in a thousand: nine tenths are for the time limit."""
+
+    def bound(cells: list[tuple[int, int]], of_each: tuple[float, ...]) -> SuccessBound:
+        of = search(
+            [(0, 0)], grid_size=4, person_initial_position=cells, timestep_limit=7,
+            vector=(0.3, 0.2), disperse_constant=12, probability_of_detection=of_each,
+        )  # fmt: skip
+        return success_bound(of.scenario, of.drones, sample=2000, gap=0.1, horizons=2, memory=2)
+
+    expected = 1.0
+    for cell, detection in zip(persons, detections, strict=True):
+        alone = bound([cell], (detection,))
+        upper_bound = alone.relaxed + alone.gap
+        if cell != (0, 0):
+            upper_bound = chernoff_bound(upper_bound, 2000, 1 - 0.0009 / sampled)
+        expected *= upper_bound
+        assert alone.confidence == (1.0 if cell == (0, 0) else 0.999)
+    together = bound(persons, detections)
+    assert together.by_limit == pytest.approx(expected, rel=1e-9)
+    assert together.confidence == 0.999
 
 
 def test_what_cannot_end_or_fit_is_refused() -> None:

@@ -8,14 +8,25 @@ the policy's sets, N the mean number of searches, and g the concave function tha
 
     P(found) <= E[min(Z, g(N))] <= max E[min(Z, g(N))]  over all mixtures of the drones' paths.
 
-The Frank-Wolfe method (`frank_wolfe`) solves this concave problem and bounds its maximum. The
-expectation is over all trajectories if there are few, otherwise over a sample: then a Chernoff
+Mirror ascent (`mirror_ascent`) finds tangents of this concave function: for weights u in [0, 1] of
+the trajectories, min(Z, g) <= 1 - u + u Z, and likewise for g. Any tangents bound the maximum by
+their values without effort, plus the most that the drones' best paths gain from them. So the
+tangents may come from drones with little memory, and the bound from drones with more.
+
+The expectation is over all trajectories if there are few, otherwise over a sample: then a Chernoff
 bound covers the error of the best policy's mean success on it, and a union bound (Bonferroni) over
-the persons and the numbers of steps makes all bounds hold together. If q < 1, the larger function
-1 - (1 - q)^s of the effort s gives another bound, without a sample; the smaller one is returned.
-Finding all of several persons is at most as likely as finding the one who is hardest to find; in a
-coverage mission, the bound is the mean over persons. `Person.survival` is left out: who is found
-alive is found, so the bound also holds for finding alive.
+the persons and the numbers of steps makes all bounds hold together.
+
+Finding all of several persons is at most as likely as the product of their bounds. Let m be where
+the missing persons may be, m' the same after an action, f_i the probability that it finds person i,
+and V the largest probability of finding all persons in the steps left. They drift and are found
+independently, so by induction over the steps left, with V_i for a search for person i alone,
+
+    V(m) = max over actions of the sum over sets R of persons of prod_{i not in R} f_i V_R(m')
+        <= max over actions of prod_i (f_i + V_i(m'_i)) <= prod_i V_i(m_i).
+
+In a coverage mission, the bound is the mean over persons. `Person.survival` is left out: who is
+found alive is found, so the bound also holds for finding alive.
 """
 
 from __future__ import annotations
@@ -23,17 +34,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.planning.frank_wolfe import Solution, frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
-from DroneSwarmSearch.planning.objectives import MarkovChainObjective, Mixture, TrajectoryObjective
-from DroneSwarmSearch.planning.paths import Path, best_paths, values_to_go
+from DroneSwarmSearch.planning.mirror_ascent import Solution, mirror_ascent
+from DroneSwarmSearch.planning.objectives import TrajectoryObjective
 from DroneSwarmSearch.planning.trajectories import (
     Trajectories,
     chernoff_bound,
@@ -43,29 +52,29 @@ from DroneSwarmSearch.planning.trajectories import (
 )
 from DroneSwarmSearch.scenario import Scenario, checked_scenario
 
-SAMPLE = 65536
-"""Trajectories in a sample; with one person, sampling adds at most 0.9 percentage points."""
+SAMPLE = 2**18
+"""Trajectories in a sample; with one person, sampling adds at most 0.4 percentage points."""
 
 CONFIDENCE = 0.999
 """Probability that a sampled bound holds, for all persons and numbers of steps together."""
 
+BEFORE = 0.1
+"""The share of the failure probability that is for fewer steps than the time limit."""
+
 HORIZONS = 12
 """Numbers of steps for which the bound is computed; the others use the next larger one's."""
 
-WORK, TRAJECTORIES_TO_MEASURE = 6e7, 8192
-"""The most work for the best paths, in values to update, estimated from some trajectories."""
+WORK, MOST_WORK, TRAJECTORIES_TO_MEASURE = 6e6, 5e8, 8192
+"""The most work in an iteration, and for the final bound, estimated from some trajectories."""
 
-MOST_MEMORY, MEMORY_BEFORE = 5, 2
-"""The most remembered actions, for the time limit (6 take gigabytes) and for fewer steps."""
+MOST_MEMORY = 5
+"""The most remembered actions; 6 take gigabytes."""
 
 MOST_CELLS = 2**28
 """The most cells of all trajectories in a sample, which then take about 7 GB."""
 
-ITERATIONS, ITERATIONS_BEFORE, CHAIN_ITERATIONS = 300, 20, 40
-"""The most iterations for the time limit, for fewer steps, and without trajectories."""
-
-MOST_PATHS = 64
-"""The most sets of paths to start from for fewer steps."""
+ITERATIONS, ITERATIONS_BEFORE = 400, 12
+"""The most iterations for the time limit, and for fewer steps."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +85,10 @@ class SuccessBound:
 
     Attributes:
         by_time: the bound after 0 to L (the limit) steps: float64, shape (L + 1,), non-decreasing.
-        relaxed: the relaxation's value at step L, for the person with the smallest bound; in a
-            coverage mission, the mean over persons.
-        gap: the duality gap at step L, which `by_time` includes.
+        relaxed: the relaxation's value at step L; with several persons, the product of their
+            values, or in a coverage mission, the mean.
+        gap: the duality gap at step L. The bound is at most the sum of both and the sampling
+            error, and may be lower, as it may be that of drones with more memory.
         confidence: probability that `by_time` holds at all steps; 1 without sampled trajectories.
     """
 
@@ -99,7 +109,7 @@ def success_bound(
     *,
     memory: int | None = None,
     sample: int = SAMPLE,
-    gap: float = 0.004,
+    gap: float = 0.002,
     horizons: int = HORIZONS,
 ) -> SuccessBound:
     """Bound the probability of success of every policy from above.
@@ -111,7 +121,8 @@ def success_bound(
             and take longer. By default, as many as a fixed amount of work allows.
         sample: trajectories to draw for each person with too many to enumerate; times the time
             limit, at most 2**28.
-        gap: the duality gap at which to stop, as a fraction of the bound.
+        gap: the duality gap at which to stop, as a fraction of the bound, with less than 16,384
+            trajectories.
         horizons: numbers of steps for which to solve the relaxation.
 
     Raises:
@@ -130,8 +141,8 @@ def success_bound(
     persons = scenario.situation
     models = dict(zip(persons, scenario.forecasts(), strict=True))  # equal persons share a bound
     enumerated = [enumerate_trajectories(model, limit) for model in models.values()]
-    sampled_bounds = len(ends) * enumerated.count(None)
-    failure = (1.0 - CONFIDENCE) / max(1, sampled_bounds)
+    sampled = enumerated.count(None)
+    failure = (1.0 - CONFIDENCE) / max(1, sampled)
     curves, solutions = [], []
     for (person, model), every in zip(models.items(), enumerated, strict=True):
         relaxation = _Relaxation(
@@ -145,30 +156,17 @@ def success_bound(
         curve, solution = relaxation.curve(ends, memory)
         curves.append(curve)
         solutions.append(solution)
-    confidence = CONFIDENCE if sampled_bounds else 1.0
-    values, gaps = [each.value for each in solutions], [each.gap for each in solutions]
+    confidence = CONFIDENCE if sampled else 1.0
+    counts = np.array([persons.count(person) for person in models])
+    results = [
+        np.array(each)
+        for each in (curves, [s.value for s in solutions], [s.upper_bound for s in solutions])
+    ]
     if scenario.mission == "coverage":
-        shares = [persons.count(person) / len(persons) for person in models]
-        by_time, relaxed, mean_gap = (
-            np.average(each, axis=0, weights=shares) for each in (curves, values, gaps)
-        )
-        return SuccessBound(by_time, float(relaxed), float(mean_gap), confidence)
-    hardest = min(range(len(curves)), key=lambda number: curves[number][-1])
-    return SuccessBound(np.min(curves, axis=0), values[hardest], gaps[hardest], confidence)
-
-
-def drone_paths(starts: Sequence[int], gains: Floats) -> tuple[float, Floats]:
-    """The most that the drones can gain, and their searches of each cell; both (n, N, N)."""
-    values, effort = values_to_go(gains, np.zeros(gains.shape[1:])), np.zeros_like(gains)
-    which = np.zeros(len(starts), np.int64)
-    cells, searches = best_paths(gains[:, None], values[:, None], np.array(starts), which)
-    for path in zip(cells.T, searches.T, strict=True):
-        _add_searches(effort, Path(*path))
-    return float(values[0].reshape(-1)[list(starts)].sum()), effort
-
-
-def _add_searches(effort: Floats, path: Path, share: float = 1.0) -> None:
-    effort.reshape(len(effort), -1)[path.searches, path.cells[:-1][path.searches]] += share
+        by_time, value, upper = (np.average(each, axis=0, weights=counts) for each in results)
+    else:
+        by_time, value, upper = (np.prod(each.T**counts, axis=-1) for each in results)
+    return SuccessBound(by_time, float(value), float(upper - value), confidence)
 
 
 def _filled(bounds: Mapping[int, float]) -> Floats:
@@ -189,7 +187,7 @@ class _Relaxation:
         starts: every drone's first cell, y * N + x.
         trajectories: all of the person's, or a sample.
         failure: the probability that a sampled bound may fail; None for all trajectories.
-        gap: the duality gap at which to stop, as a fraction of the bound.
+        gap: the duality gap at which to stop, as a fraction of the bound, without batches.
     """
 
     model: DriftModel
@@ -201,63 +199,46 @@ class _Relaxation:
 
     def curve(self, ends: Sequence[int], memory: int | None) -> tuple[Floats, Solution]:
         """The bound after each number of steps, and the solution for the first of `ends`."""
-        some = self.trajectories
+        drones = self._drones(WORK, memory)
+        solution = self._solve(drones, ITERATIONS)
+        upper_bound = solution.upper_bound
         if memory is None:
-            part = equally_likely(some.cells[:, :TRAJECTORIES_TO_MEASURE])
-            memory = 0
-            while memory < MOST_MEMORY and self._drones(part, memory + 1).work <= WORK:
-                memory += 1
-        objective = TrajectoryObjective(self._drones(some, memory))
-        solution = self._solve(objective, ITERATIONS)
-        bounds = {ends[0]: self._bound(solution, ends[0], objective.mixture)}
-        # Fewer trajectories, remembered actions and iterations suffice for the curve's shape.
-        if self.failure is not None:
-            some = equally_likely(some.cells[:, : math.ceil(some.cells.shape[1] / 2)])
-            self.trajectories = some
-        drones = self._drones(some, min(memory, MEMORY_BEFORE))
-        largest = sorted(objective.mixture, key=lambda each: -each[0])[:MOST_PATHS]
-        total = sum(share for share, _ in largest)
+            deeper = self._drones(MOST_WORK)
+            intercept, slopes = solution.tangents
+            upper_bound = min(upper_bound, intercept + deeper.most(deeper.sums(slopes)))
+        before = BEFORE / max(len(ends) - 1, 1)
+        bounds = {ends[0]: self._certain(upper_bound, solution, 1.0 - BEFORE)}
+        sums = solution.sums
         for end in ends[1:]:
-            shorter = [
-                (
-                    share / total,
-                    [Path(path.cells[: end + 1], path.searches[:end]) for path in paths],
-                )
-                for share, paths in largest
-            ]
-            objective = TrajectoryObjective(drones.until(end), shorter)
-            relaxed = self._solve(objective, ITERATIONS_BEFORE)
-            bounds[end] = self._bound(relaxed, end, objective.mixture)
+            sums = [each / 2.0 for each in sums[:end]]
+            relaxed = self._solve(drones.until(end), ITERATIONS_BEFORE, sums)
+            bounds[end] = self._certain(relaxed.upper_bound, relaxed, before)
         return _filled(bounds), solution
 
-    def _drones(self, trajectories: Trajectories, memory: int) -> RememberingDrones:
-        size = self.model.grid_size
-        return RememberingDrones(trajectories, size, self.detection, self.starts, memory)
+    def _drones(self, work: float, memory: int | None = None) -> RememberingDrones:
+        """Drones with some memory; by default, with as much as an amount of work allows."""
+        others = self.model.grid_size, self.detection, self.starts
+        if memory is None:
+            part = equally_likely(self.trajectories.cells[:, :TRAJECTORIES_TO_MEASURE])
+            memory = 0
+            while (
+                memory < MOST_MEMORY and RememberingDrones(part, *others, memory + 1).work <= work
+            ):
+                memory += 1
+        return RememberingDrones(self.trajectories, *others, memory)
 
-    def _solve(self, objective: TrajectoryObjective, iterations: int) -> Solution:
+    def _solve(
+        self, drones: RememberingDrones, iterations: int, sums: list[Floats] | None = None
+    ) -> Solution:
         """Maximise E[min(Z, g(N))]."""
-        return frank_wolfe(
-            objective,
-            objective.drones,
-            gap=self.gap,
-            iterations=iterations,
-            upper_bound=1.0,
+        objective = TrajectoryObjective(self.detection)
+        batch = {} if self.failure else {"batch": len(drones.probabilities)}
+        return mirror_ascent(
+            drones, objective, gap=self.gap, iterations=iterations, sums=sums, **batch
         )
 
-    def _bound(self, solution: Solution, steps: int, mixture: Mixture) -> float:
-        """The bound for a number of steps: the smaller one of both relaxations."""
-        bound = solution.upper_bound
-        if self.failure is not None:
-            bound = chernoff_bound(bound, self.trajectories.cells.shape[1], 1.0 - self.failure)
-        if not 0.0 < self.detection < 1.0:
-            return bound
-        rate, size = -math.log1p(-self.detection), self.model.grid_size
-        effort = np.zeros((steps, size, size))
-        for share, paths in mixture:
-            for path in paths:
-                _add_searches(effort, path, share)
-        objective = MarkovChainObjective(self.model, rate, effort)
-        oracle = partial(drone_paths, self.starts)
-        return frank_wolfe(
-            objective, oracle, gap=self.gap, iterations=CHAIN_ITERATIONS, upper_bound=bound
-        ).upper_bound
+    def _certain(self, upper_bound: float, solution: Solution, share: float) -> float:
+        """Add the sampling error, given a share of the failure probability."""
+        if self.failure is None:
+            return min(upper_bound, 1.0)
+        return chernoff_bound(upper_bound, solution.effective, 1.0 - share * self.failure)

@@ -16,7 +16,7 @@ Operations Research 59:1269, 2011, for vehicle routes.)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -24,7 +24,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
-from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.trajectories import Trajectories
 
 Offset = tuple[int, int] | None
@@ -32,6 +31,21 @@ Offset = tuple[int, int] | None
 
 MOVES = (-1, 0), (1, 0), (0, -1), (0, 1)
 """The displacements (dx, dy) of a drone: left, right, up, down."""
+
+SHIFTS = tuple(
+    (
+        (
+            ...,
+            slice(max(-dy, 0), -dy if dy > 0 else None),
+            slice(max(-dx, 0), -dx if dx > 0 else None),
+        ),
+        (..., slice(max(dy, 0), dy if dy < 0 else None), slice(max(dx, 0), dx if dx < 0 else None)),
+    )
+    for dx, dy in MOVES
+)
+"""For each move, the cells that a drone can leave, and those in which it then arrives."""
+
+EVERYTHING = slice(None)
 
 PRODUCTS_PER_UPDATE = 150
 """Multiplications of the matrix product that take as long as updating one value."""
@@ -90,7 +104,12 @@ class _Step(NamedTuple):
 
 
 class RememberingDrones:
-    """The best paths of drones from their start cells y * N + x, given K remembered actions."""
+    """The best paths of drones from their start cells y * N + x, given K remembered actions.
+
+    Sums are the weights of trajectories for their credits and searches, added up by group: an
+    array of shape (2, G) for each step. A flow is a mixture of paths: the mean number of searches
+    in each step, history and cell: float32, (T, H, N, N).
+    """
 
     def __init__(
         self,
@@ -104,9 +123,7 @@ class RememberingDrones:
         self.detection, self._size, self._starts = detection, grid_size, list(starts)
         self._memory = min(memory, len(self._cells) - 1)
         self._histories = Histories(self._memory)
-        y, x = np.divmod(self._cells, grid_size)
-        self._steps = [self._grouped(here, x, y, step) for step, here in enumerate(self._cells)]
-        self._values: Singles = np.zeros((0, 0, 0), np.float32)
+        self._steps = [self._grouped(step) for step in range(len(self._cells))]
 
     def until(self, steps: int) -> RememberingDrones:
         """The same drones in the first steps."""
@@ -115,49 +132,115 @@ class RememberingDrones:
         return shorter
 
     @property
+    def count(self) -> int:
+        """The number of drones."""
+        return len(self._starts)
+
+    @property
     def work(self) -> float:
-        """The cost of computing the best paths once, in updates of a value."""
+        """The cost of the best paths, in updates of a value."""
         products: int = sum(step.pasts.shape[1] * step.n_cells for step in self._steps)
         updates = len(self._steps) * self._size**2
         return len(self._histories.all) * (updates + products / PRODUCTS_PER_UPDATE)
 
-    def __call__(self, weights: Floats) -> tuple[float, list[Path]]:
-        """The most that all drones can gain, rounded up, and a path for each that gains it.
+    def sums(self, weights: Floats, part: slice = EVERYTHING) -> list[Floats]:
+        """Add up the weights of some trajectories, (2, m), by group."""
+        return [
+            np.array([np.bincount(step.group[part], each, len(step.past)) for each in weights])
+            for step in self._steps
+        ]
 
-        The weights of each trajectory, for its credits and for its searches, have the shape (2, M).
-        """
-        self._compute_values(weights)
-        gained = float(self._values[0, 0, self._starts].astype(np.float64).sum())
-        # Single precision loses at most this fraction of a sum of positive numbers.
-        pasts: int = max(step.pasts.shape[1] for step in self._steps)
-        gained *= 1.0 + (pasts + 2 * len(self._steps) + 8) * 2.0**-23
-        return gained, [self._path(start) for start in self._starts]
-
-    def collected(self, paths: Sequence[Path], shares: Floats | None = None) -> Floats:
-        """The credits and searches that paths collect along each trajectory: (2, M)."""
-        total, q = np.zeros((2, len(self.probabilities))), self.detection
-        shares = np.ones(len(paths)) if shares is None else shares
-        for path, share in zip(paths, shares, strict=True):
-            # Whether the path has searched each trajectory, in this step and the last K ones.
-            searched = np.zeros((self._memory + 1, len(self.probabilities)), np.uint8)
-            for number, searches in enumerate(path.searches):
-                now = searched[number % len(searched)]
-                now[:] = 0
-                if searches:
-                    met = np.flatnonzero(self._cells[number] == path.cells[number])
-                    total[0, met] += share * q * (1.0 - q) ** searched[:, met].sum(axis=0)
-                    total[1, met] += share
-                    now[met] = 1
+    def collected(self, flow: Singles, part: slice = EVERYTHING) -> Floats:
+        """The mean credits and searches along some trajectories: (2, m)."""
+        total = np.zeros((2, len(self.probabilities[part])))
+        for step, credits, searches in zip(self._steps, self._credits, flow, strict=False):
+            rows, columns = step.box
+            within = searches[:, rows, columns].reshape(len(searches), -1)
+            by_group = (credits.T @ within)[step.past, step.place], within.sum(axis=0)[step.place]
+            total += np.take(by_group, step.group[part], axis=1)
         return total
 
-    def _grouped(self, here: Ints, x: Ints, y: Ints, number: int) -> _Step:
+    def most(self, sums: Sequence[Floats]) -> float:
+        """The most that all drones can gain, rounded up."""
+        size, histories = self._size, self._histories
+        values: Singles = np.zeros((len(histories.all), size, size), np.float32)
+        for step, credits, each in self._backward(sums):
+            best = values.take(histories.after_search, axis=0)
+            searched = best.take(histories.shorter, axis=0)
+            for after, (here, there) in zip(histories.after_move, SHIFTS, strict=True):
+                np.maximum(best[here], values.take(after, axis=0)[there], out=best[here])
+            values = best.take(histories.shorter, axis=0)
+            rows, columns = step.box
+            searched[:, rows, columns] += self._gains(step, credits, each)
+            np.maximum(values, searched, out=values)
+        gained = float(values[0].reshape(-1)[self._starts].astype(np.float64).sum())
+        # Single precision loses at most this fraction of a sum of positive numbers.
+        pasts: int = max(step.pasts.shape[1] for step in self._steps)
+        return gained * (1.0 + (pasts + 2 * len(self._steps) + 8) * 2.0**-23)
+
+    def soft_flow(self, sums: Sequence[Floats]) -> Singles:
+        """The mixture in which a path's share is proportional to exp(what the path gains)."""
+        size, histories = self._size, self._histories
+        n_shorter, shape = len(histories.after_search), (len(histories.all), size, size)
+        values: Singles = np.zeros(shape, np.float32)
+        flow = np.empty((len(self._steps), *shape), np.float32)
+        moves = np.empty((len(self._steps), len(MOVES), n_shorter, size, size), np.float32)
+        number = len(self._steps)
+        for step, credits, each in self._backward(sums):
+            number -= 1
+            # The probabilities of the moves, and of searching instead.
+            move = moves[number]
+            move[:] = -1e9
+            for k, (here, there) in enumerate(SHIFTS):
+                move[k][here] = values.take(histories.after_move[k], axis=0)[there]
+            most = move.max(axis=0)
+            move -= most
+            np.exp(move, out=move)
+            total = move.sum(axis=0)
+            move /= total
+            most += np.log(total)
+            moved = most.take(histories.shorter, axis=0)
+            searched = values.take(histories.after_search, axis=0).take(histories.shorter, axis=0)
+            rows, columns = step.box
+            searched[:, rows, columns] += self._gains(step, credits, each)
+            most = np.maximum(searched, moved)
+            # Faster than np.logaddexp in single precision.
+            values = most + np.log1p(np.exp(np.minimum(searched, moved) - most))
+            np.exp(searched - values, out=flow[number])
+        here_now: Singles = np.zeros(shape, np.float32)
+        np.add.at(here_now[0].reshape(-1), self._starts, 1.0)
+        to_shorter = np.zeros((n_shorter, shape[0]), np.float32)
+        to_shorter[histories.shorter, np.arange(shape[0])] = 1.0
+        for move, searching in zip(moves, flow, strict=True):
+            searching *= here_now
+            here_now -= searching
+            leaving = (to_shorter @ here_now.reshape(shape[0], -1)).reshape(-1, size, size)
+            staying = (to_shorter @ searching.reshape(shape[0], -1)).reshape(-1, size, size)
+            here_now = np.zeros(shape, np.float32)
+            here_now[histories.after_search] = staying
+            move *= leaving
+            for k, (here, there) in enumerate(SHIFTS):
+                arriving = np.zeros_like(leaving)
+                arriving[there] = move[k][here]
+                here_now[histories.after_move[k]] += arriving
+        return flow
+
+    def _backward(self, sums: Sequence[Floats]) -> Iterator[tuple[_Step, Singles, Floats]]:
+        """The steps, the last one first, with their credits and sums."""
+        steps = len(self._steps)
+        return zip(self._steps[::-1], self._credits[:steps][::-1], sums[:steps][::-1], strict=True)
+
+    def _grouped(self, number: int) -> _Step:
         """Group the trajectories in a step."""
+        here = self._cells[number]
+        y, x = np.divmod(here, self._size)
         past, pasts = np.zeros(len(here), np.int64), np.zeros((0, 1), np.int64)
         codes_of_offsets = (2 * self._memory + 1) ** 2 + 1
         for age in range(1, self._memory + 1):
             offset = np.zeros(len(here), np.int64)
             if age <= number:
-                dx, dy = x[number - age] - x[number], y[number - age] - y[number]
+                earlier_y, earlier_x = np.divmod(self._cells[number - age], self._size)
+                dx, dy = earlier_x - x, earlier_y - y
                 near = abs(dx) + abs(dy) < age
                 offset[near] = _code(dx[near], dy[near], self._memory)
             codes, past = _distinct(past * codes_of_offsets + offset)
@@ -170,7 +253,7 @@ class RememberingDrones:
         top, left, right = int(rows.min()), int(columns.min()), int(columns.max()) + 1
         box = slice(top, int(rows.max()) + 1), slice(left, right)
         place = ((rows - top) * (right - left) + columns - left)[cell_of]
-        return _Step(group, past_of, place, pasts, box, len(cells))
+        return _Step(group.astype(np.int32), past_of, place, pasts, box, len(cells))
 
     @cached_property
     def _credits(self) -> list[Singles]:
@@ -190,63 +273,15 @@ class RememberingDrones:
             credits.append(by_number.astype(np.float32)[earlier])
         return credits
 
-    def _compute_values(self, weights: Floats) -> None:
-        """Compute the most that a drone can gain from each step, history and cell on."""
-        size, histories = self._size, self._histories
-        shape = len(self._steps) + 1, len(histories.all), size**2
-        if self._values.shape != shape:
-            self._values = np.zeros(shape, np.float32)
-        for number in range(len(self._steps) - 1, -1, -1):
-            step, here = self._steps[number], self._values[number].reshape(-1, size, size)
-            ahead = self._values[number + 1].reshape(-1, size, size)
-            searched = ahead.take(histories.after_search, axis=0)
-            best = searched.copy()
-            moved = (ahead.take(after, axis=0) for after in histories.after_move)
-            np.maximum(best[:, :, 1:], next(moved)[:, :, :-1], out=best[:, :, 1:])
-            np.maximum(best[:, :, :-1], next(moved)[:, :, 1:], out=best[:, :, :-1])
-            np.maximum(best[:, 1:], next(moved)[:, :-1], out=best[:, 1:])
-            np.maximum(best[:, :-1], next(moved)[:, 1:], out=best[:, :-1])
-            best.take(histories.shorter, axis=0, out=here, mode="clip")
-            rows, columns = step.box
-            gains = self._gains(step, self._credits[number], weights)
-            gains += searched[:, rows, columns].take(histories.shorter, axis=0)
-            within = here[:, rows, columns]
-            np.maximum(within, gains, out=within)
-
-    def _gains(self, step: _Step, credits: Singles, weights: Floats) -> Singles:
+    def _gains(self, step: _Step, credits: Singles, sums: Floats) -> Singles:
         """The gain of searching each cell in the box with each history: shape (H, y, x)."""
-        for_credit, for_search = weights
         height, width = (each.stop - each.start for each in step.box)
         table = np.zeros((step.pasts.shape[1], height * width), np.float32)
-        table[step.past, step.place] = np.bincount(step.group, for_credit, len(step.past))
+        table[step.past, step.place] = sums[0]
         gains: Singles = credits @ table
-        if for_search.any():
-            in_groups = np.bincount(step.group, for_search, len(step.past))
-            gains += np.bincount(step.place, in_groups, height * width).astype(np.float32)
+        if sums[1].any():
+            gains += np.bincount(step.place, sums[1], height * width).astype(np.float32)
         return gains.reshape(-1, height, width)
-
-    def _path(self, start: int) -> Path:
-        """A path that gains as much as possible. Ties go to moving left, right, up and down."""
-        n, size, histories = len(self._steps), self._size, self._histories
-        cells, searches = np.empty(n + 1, np.int64), np.zeros(n, np.bool_)
-        cells[0] = here = start
-        history = 0
-        for number in range(n):
-            y, x = divmod(here, size)
-            shorter = histories.shorter[history]
-            best, target, remembered = -1.0, here, 0
-            for (dx, dy), after in zip(MOVES, histories.after_move[:, shorter], strict=True):
-                if 0 <= x + dx < size and 0 <= y + dy < size:
-                    cell = here + dy * size + dx
-                    value = self._values[number + 1, after, cell]
-                    if value > best:
-                        best, target, remembered = value, cell, after
-            if self._values[number, history, here] > best:
-                searches[number] = True
-                target, remembered = here, histories.after_search[shorter]
-            cells[number + 1] = here = target
-            history = remembered
-        return Path(cells, searches)
 
 
 def _distinct(codes: Ints) -> tuple[Ints, Ints]:

@@ -54,12 +54,13 @@ def sample_trajectories(model: DriftModel, steps: int, count: int) -> Trajectori
     return equally_likely(cells)
 
 
-def chernoff_bound(mean: float, count: int, confidence: float) -> float:
+def chernoff_bound(mean: float, count: float, confidence: float) -> float:
     """An upper confidence bound on the expectation of a quantity in [0, 1], from a sample's mean.
 
     The largest p with count * kl(mean, p) <= -ln(1 - confidence), where kl is the relative
     entropy of two Bernoulli distributions (H. Chernoff, Annals of Mathematical Statistics
-    23:493, 1952; W. Hoeffding, Journal of the American Statistical Association 58:13, 1963).
+    23:493, 1952; W. Hoeffding, Journal of the American Statistical Association 58:13, 1963). For a
+    weighted mean, the count is 1 / (the largest weight), as ln E[exp(s X)] is convex in s.
     """
     if mean >= 1.0:
         return 1.0
