@@ -115,8 +115,8 @@ probability of success, returns, prior and posterior of every step. The page
 documents their format.
 
 examples:
-  droneswarmsearch export harbour --policies planner imitation --out harbour.json
-  droneswarmsearch export fog --policies mine.py:MyPolicy imitation --out fog.json
+  droneswarmsearch export harbour --policies imitation --out harbour.json
+  droneswarmsearch export fog --policies mine.py:MyPolicy planner --out fog.json
 """,
 }
 
