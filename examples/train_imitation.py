@@ -3,8 +3,8 @@
     pip install "DroneSwarmSearchEnvironment[ppo]"
     python examples/train_imitation.py --out runs/imitation
 
-This script trained the weights of the package. It repeats four steps (expert iteration: T. Anthony,
-Z. Tian, D. Barber, NIPS 2017):
+This script trains networks like that of the package. It repeats four steps (expert iteration:
+T. Anthony, Z. Tian, D. Barber, NIPS 2017):
 
 - Draw random searches: grid, drones, persons, drift, probability of detection, time limit.
 - Fly them with the network. The untrained one is greedy search on the forecast.
