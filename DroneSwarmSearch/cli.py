@@ -115,13 +115,13 @@ probability of success, returns, prior and posterior of every step. The page
 documents their format.
 
 examples:
-  droneswarmsearch export harbour --policies planner ppo --out harbour.json
-  droneswarmsearch export fog --policies mine.py:MyPolicy ppo --out fog.json
+  droneswarmsearch export harbour --policies imitation --out harbour.json
+  droneswarmsearch export fog --policies mine.py:MyPolicy planner --out fog.json
 """,
 }
 
 OWN_POLICY = (
-    "your own: weights.npz of examples/train_ppo.py, model.zip of Stable-Baselines3, "
+    "your own: weights.npz of examples/train_imitation.py, model.zip of Stable-Baselines3, "
     "module:attribute, file.py:attribute or file.py:Class:argument, whose code is executed; "
     "each also after name="
 )

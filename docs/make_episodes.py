@@ -29,7 +29,7 @@ SEARCHES = ("man-overboard", "gale", "two-positions", "wreck", "fleet", "classic
 
 POLICIES = {
     "planner": "Planner",
-    "ppo": "PPO network",
+    "imitation": "trained network",
     "greedy-posterior": "Greedy on the posterior",
     "expanding-square": "Expanding square",
     "parallel-sweep": "Parallel sweep",

@@ -760,7 +760,7 @@ def incident(theme: Theme, sampling: Sampling) -> Figure:
 METHODS = {
     "bound": "bound of any policy",
     "planner": "planner",
-    "ppo": "network",
+    "imitation": "network",
     "greedy-forecast": "greedy",
     "greedy-posterior": "greedy",
     "greedy-matrix": "greedy",

@@ -1,4 +1,4 @@
-"""Searches in expectation, on which train_ppo.py trains.
+"""Searches in expectation, on which train_imitation.py trains.
 
 Nobody is found, and each search pays its probability of success. With one person, everything
 before the find follows from the drones' actions. What a search removes from the unnormalised
@@ -58,6 +58,7 @@ class ExpectedSearches:
             [each.drone_cells(positions) for each, positions in places]
         )
         self.step, self.found = 0, np.zeros(len(scenarios))
+        self._headings = np.full(self.cells.shape, int(Action.IDLE))
         self._detections = np.array([each.detections[0] for each in scenarios], np.float32)
         self._arrivals = Arrivals(self.grid_size, self.n_drones)
         self._neighbours = neighbours_of_all(self.grid_size)  # [cell, action]
@@ -102,7 +103,12 @@ class ExpectedSearches:
             maps = self._forecasts.map(beliefs, self._numbers).reshape(size, size, -1, count)
             ahead[:, step] = maps.sum(axis=2).transpose(2, 0, 1)
         return self._arrivals.inputs(
-            ahead, self.positions, np.full(count, remaining), self.timestep_limit, self._detections
+            ahead,
+            self.positions,
+            np.full(count, remaining),
+            self.timestep_limit,
+            self._detections,
+            self._headings,
         )
 
     def advance(self, actions: NDArray[np.integer]) -> NDArray[np.float64]:
@@ -125,6 +131,7 @@ class ExpectedSearches:
         self._beliefs[where] = (1.0 - detections) * before
         self.found += rewards.sum(axis=1)
         self.cells = self._neighbours[self.cells, actions]
+        self._headings = np.where(actions < Action.SEARCH, actions, self._headings)
         self._drift(self._beliefs, self.step)
         self.step += 1
         return rewards

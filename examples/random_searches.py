@@ -1,11 +1,11 @@
 """Compare policies on random searches, on which none of them was trained.
 
-    python examples/random_searches.py --searches 200 --policies ppo greedy-posterior greedy-matrix
+    python examples/random_searches.py --searches 200 --policies imitation greedy-posterior
 
 Grid, drones, start cells, drift, dispersion, probability of detection and time limit are drawn
 for every search. The first policy is compared with each of the others on the same episodes. The
 intervals are bootstrap intervals over searches. For your own policy, give file.py:attribute, or
-ppo=weights.npz for weights from examples/train_ppo.py.
+imitation=weights.npz for weights from examples/train_imitation.py.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import Scenario
 from DroneSwarmSearch.evaluation import NamedSearch, View, evaluate
-from DroneSwarmSearch.policies import PPOPolicy
+from DroneSwarmSearch.policies import ImitationPolicy
 
 DEFAULT_POLICIES = [
-    *("ppo", "greedy-posterior", "greedy-matrix", "creeping-line", "parallel-sweep"),
+    *("imitation", "greedy-posterior", "greedy-matrix", "creeping-line", "parallel-sweep"),
     *("sector-search", "expanding-square", "random"),
 ]
 
@@ -47,8 +47,8 @@ def random_search(rng: np.random.Generator, number: int) -> NamedSearch:
 
 def policy_for(name: str, scenario: Scenario) -> Any:
     """A policy as `evaluate` takes it: a name, or an object for the scenario."""
-    if name.startswith("ppo="):
-        return PPOPolicy(scenario, name.partition("=")[2])
+    if name.startswith("imitation="):
+        return ImitationPolicy(scenario, name.partition("=")[2])
     return name
 
 

@@ -35,6 +35,7 @@ def drawn(seed: int = 0) -> dict[str, Any]:
         "remaining": np.array([20, 5]),
         "limit": 30,
         "detections": np.array([0.4, 1.0], np.float32),
+        "headings": np.array([[Action.LEFT, Action.IDLE, Action.UP]] * 2),
     }
 
 
@@ -46,7 +47,8 @@ def inputs(**arguments: Any) -> np.ndarray:
 def test_scores_are_those_of_the_best_cells_on_arrival() -> None:
     """Compared with loops over cells, for one drone: nobody else claims a cell."""
     arguments = drawn()
-    arguments["positions"] = arguments["positions"][:, :1]
+    for key in ("positions", "headings"):
+        arguments[key] = arguments[key][:, :1]
     seen = inputs(**arguments)[:, 0]
     ahead = arguments["ahead"]
     for search in range(2):
@@ -102,6 +104,11 @@ def test_turned_searches_have_turned_inputs() -> None:
         arguments["ahead"] = np.rot90(arguments["ahead"], axes=(2, 3)).copy()
         x, y = np.moveaxis(arguments["positions"], -1, 0)
         arguments["positions"] = np.stack([y, SIZE - 1 - x], -1)
+        turns = [*reversed(TURNS)]  # to the left
+        after = {move: turns[place - 3] for place, move in enumerate(turns)}
+        arguments["headings"] = np.vectorize(lambda move, after=after: after.get(move, move))(
+            arguments["headings"]
+        )
         assert np.allclose(inputs(**arguments)[..., VIEWS[0]], seen[..., VIEWS[turn]], atol=1e-3)
 
 
@@ -156,6 +163,7 @@ class TestExpectedSearches:
                     np.array([remaining]),
                     15,
                     np.array([0.6]),
+                    np.array([tracker.headings]),
                 )
                 assert np.allclose(seen[number], wanted[0], atol=0.01)
             actions, _ = choose_in_turn(rng.random((3, 3, 5)), batch.cells, 9)

@@ -25,7 +25,7 @@ from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.evaluation import SUITE, View, evaluate
 from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
-from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS
+from DroneSwarmSearch.policies.imitation import DEFAULT_WEIGHTS
 
 OWN = """
 import os
@@ -159,7 +159,7 @@ def test_trained_weights_are_a_policy(capsys, tmp_path, monkeypatch):
     arguments = ("short.json", "--episodes", 2, "--out", "results")
     (mine,) = rows_of(capsys, "evaluate", "mine.npz", *arguments)
     (named,) = rows_of(capsys, "evaluate", "my-own=mine.npz", *arguments)
-    (boxed,) = rows_of(capsys, "evaluate", "ppo", *arguments)
+    (boxed,) = rows_of(capsys, "evaluate", "imitation", *arguments)
     assert (mine["policy"], named["policy"]) == ("mine", "my-own")
     assert mine["success"] == named["success"] == boxed["success"]
 

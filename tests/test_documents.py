@@ -52,7 +52,7 @@ MOST = {"--episodes": 10, "--searches": 1}  # at most so many are played, or sam
 OUTPUT = {
     "basic_env.py": "return",
     "examples/evaluate_your_own.py": "greedy-posterior: found",
-    "examples/random_searches.py": "ppo ahead",
+    "examples/random_searches.py": "imitation ahead",
 }
 LONG_PLAN = "whole_steps(45 * 60)"  # in the block of the incident, whose plan takes ten seconds
 BENCH_BRIEFLY = "--rounds 1 --steps 20 --environments 20"

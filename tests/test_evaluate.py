@@ -23,7 +23,7 @@ from DroneSwarmSearch import (
 from DroneSwarmSearch.evaluation import NamedSearch, View, compare, evaluate, run, save_csv
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.layouts import LAYOUTS
-from DroneSwarmSearch.policies.ppo import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS_PATH
+from DroneSwarmSearch.policies.imitation import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS_PATH
 from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.wrappers import ActionMask
@@ -283,9 +283,17 @@ def test_actions_are_validated(returned, view, error, message):
         ({"episodes": 0}, ValueError, "episodes must be an integer of at least 1, got 0"),
         ({"seed": -1}, ValueError, "seed must be an integer of at least 0, got -1"),
         ({"view": 3}, TypeError, "view must be one of 'swarm', 'drone', 'parallel', got 3"),
-        ({"policy": "ppo", "view": MASKED}, ValueError, "view must be .* without masks, for ppo"),
+        (
+            {"policy": "planner", "view": MASKED},
+            ValueError,
+            "view must be .* without masks, for planner",
+        ),
         ({"policy": 4}, TypeError, "policy must be a policy's name or a callable .*, got 4"),
-        ({"policy": "ppo", "view": FLAT}, ValueError, "view must be .* with observation='dict'"),
+        (
+            {"policy": "planner", "view": FLAT},
+            ValueError,
+            "view must be .* with observation='dict'",
+        ),
         ({"policy": DEFAULT_WEIGHTS, "view": "drone"}, ValueError, "view must be 'swarm' or"),
     ],
 )

@@ -76,7 +76,7 @@ def test_the_first_pages_state_the_results_of_the_leaderboard(page: str) -> None
     (text,) = re.findall(r"[Bb]ound \d.*random.*%", (ROOT / page).read_text("utf-8"))
     stated = dict(re.findall(r"([\w-]+)(?: moves)? (\d+)%", text.lower()))
     results = figures.suite_results()
-    for name in ("bound", "planner", "ppo", "greedy-posterior", "random"):
+    for name in ("bound", "planner", "imitation", "greedy-posterior", "random"):
         assert float(stated[name]) == round(100 * results[name].mean())
 
 

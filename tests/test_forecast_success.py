@@ -34,11 +34,11 @@ PRIOR_MAP = Person(
     ("name", "persons", "bayesian_update"),
     [
         ("planner", (ACROSS_THE_WIND,), True),
-        ("ppo", (ACROSS_THE_WIND,), True),
+        ("imitation", (ACROSS_THE_WIND,), True),
         ("planner", (TWO_LAST_POSITIONS, TWO_LAST_POSITIONS), True),
         ("greedy-posterior", (PRIOR_MAP, TWO_LAST_POSITIONS, ACROSS_THE_WIND), False),
         ("parallel-sweep", (PRIOR_MAP, TWO_LAST_POSITIONS), False),
-        ("ppo", (Person(Drift((5, 5), vector=(0.1, 0.1), diffusion=0.2), 0.5),), False),
+        ("imitation", (Person(Drift((5, 5), vector=(0.1, 0.1), diffusion=0.2), 0.5),), False),
     ],
 )
 def test_the_success_of_a_coverage_mission_is_that_of_its_paths(

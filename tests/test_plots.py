@@ -66,7 +66,7 @@ def test_the_mean_bound_is_a_dashed_line() -> None:
     assert not curve.is_dashed()
     assert {*bound.get_ydata()} == {0.875}
     assert "bound 87.5%" in texts(figure)
-    assert "bound" not in texts(plots.success_over_time([*several, evaluation("ppo", "gale")]))
+    assert "bound" not in texts(plots.success_over_time([*several, evaluation("random", "gale")]))
 
 
 def test_a_policy_looks_the_same_in_every_plot() -> None:

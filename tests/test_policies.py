@@ -88,7 +88,7 @@ UNCERTAIN: dict[str, Any] = {
 
 
 COVERAGE = {**UNCERTAIN, "mission": "coverage"}
-LONG = ("ppo", "planner")  # take as long as all others together
+LONG = ("imitation", "planner")  # take as long as all others together
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 from DroneSwarmSearch.policies import make
 
-example = module("ppo_searches")
+example = module("drawn_searches")
 draw_searches, held_out_searches = example.draw_searches, example.held_out_searches
 
 

@@ -305,7 +305,7 @@ def test_small_plans_are_optimal(seed):
     assert planned(of) == pytest.approx(optimum(of), rel=1e-9)
 
 
-@pytest.mark.parametrize("policy", ["planner", "ppo", "greedy-forecast"])
+@pytest.mark.parametrize("policy", ["planner", "imitation", "greedy-forecast"])
 def test_only_relative_survival_matters(policy):
     person = Person([Drift((1, 2), diffusion=0.1), Drift((7, 6), vector=(0, 0.2))], 0.7)
     flown = []

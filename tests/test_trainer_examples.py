@@ -31,7 +31,7 @@ RUNNERS = ("--num-env-runners", 2, "--num-envs", 2)
     ("script", "policy", "arguments"),
     [
         example("plain-own-loop", "torch", "own_loop", "ppo", "--steps", 30_000),
-        example("plain-policy", "torch", "ppo", "ppo", "--steps", 10_000),
+        example("plain-policy", "torch", "imitation", "imitation", "--searches", 4),
         example("sb3", "sb3_contrib", "sb3", "maskable-ppo", "--steps", 10_000),
         example("torchrl-local", "torchrl", "torchrl", "torchrl-ppo", "--steps", 10_000),
         example(
@@ -65,8 +65,11 @@ def test_it_trains_and_compares(
     log, steps = "curve.csv", "steps"
     if script == "train_sb3.py":
         log, steps = "progress_000000000.csv", "time/total_timesteps"
+    least = 4_000
+    if script == "train_imitation.py":
+        steps, least = "searches", 12
     counts = [int(row[steps]) for row in rows(folder / log)]
-    assert counts == sorted(set(counts)) and counts[-1] >= 4_000
+    assert counts == sorted(set(counts)) and counts[-1] >= least
     command = re.search(r"python -m DroneSwarmSearch (play .*)", output)
     assert command is not None
     played = python("-m", "DroneSwarmSearch", *command[1].split(), "--text", "--seed", 1)

@@ -29,7 +29,7 @@ STYLES = Path(__file__).parent
 
 # In the order of the colours of the styles, the same in every plot; others have those after.
 POLICIES = (
-    *("planner", "ppo", "greedy-forecast", "greedy-posterior", "greedy-matrix"),
+    *("planner", "imitation", "greedy-forecast", "greedy-posterior", "greedy-matrix"),
     *("parallel-sweep", "creeping-line", "expanding-square", "sector-search", "random"),
 )
 

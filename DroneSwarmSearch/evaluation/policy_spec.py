@@ -18,7 +18,7 @@ from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.evaluation.parallel import needed
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.policies import POLICIES
-from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
+from DroneSwarmSearch.policies.imitation import ImitationPolicy, Network
 from DroneSwarmSearch.scenario import Scenario
 
 
@@ -71,7 +71,7 @@ class PolicySpec:
                 arguments = (argument,)
         elif policy.endswith(".npz"):
             Network.load(policy)
-            found, file, arguments, own_name = PPOPolicy, policy, (policy,), Path(policy).stem
+            found, file, arguments, own_name = ImitationPolicy, policy, (policy,), Path(policy).stem
         elif policy.endswith(".zip"):
             if not zipfile.is_zipfile(policy):
                 raise ValueError(f"policy must be a saved model, but {policy} is no zip file")

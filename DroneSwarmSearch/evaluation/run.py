@@ -52,7 +52,7 @@ def evaluate(
     start cells, once and before it is copied, and `reset(seed=...)` with the seeds of a portion.
 
     Args:
-        policy: the name of a policy of this package; "weights.npz" of examples/train_ppo.py;
+        policy: the name of a policy of this package; "weights.npz" of examples/train_imitation.py;
             "model.zip" of Stable-Baselines3; "module:attribute" or "file.py:attribute"; or a
             callable from observations to actions. A class is instantiated with the search's
             `Scenario`, in the form "file.py:Class:argument" also with a string.

@@ -21,6 +21,7 @@ from DroneSwarmSearch.policies.greedy import (
     GreedyPolicy,
     PosteriorGreedyPolicy,
 )
+from DroneSwarmSearch.policies.imitation import ImitationPolicy
 from DroneSwarmSearch.policies.patterns import (
     CreepingLinePolicy,
     ExpandingSquarePolicy,
@@ -28,11 +29,10 @@ from DroneSwarmSearch.policies.patterns import (
     SectorSearchPolicy,
 )
 from DroneSwarmSearch.policies.planner import PlannerPolicy
-from DroneSwarmSearch.policies.ppo import PPOPolicy
 from DroneSwarmSearch.policies.random_policy import RandomPolicy
 from DroneSwarmSearch.scenario import Scenario
 
-__all__ = ["POLICIES", "BatchPolicy", "GreedyPolicy", "PPOPolicy", "SwarmPolicy", "make"]
+__all__ = ["POLICIES", "BatchPolicy", "GreedyPolicy", "ImitationPolicy", "SwarmPolicy", "make"]
 
 
 POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {
@@ -44,7 +44,7 @@ POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {
     "greedy-matrix": GreedyPolicy,
     "greedy-posterior": PosteriorGreedyPolicy,
     "greedy-forecast": ForecastGreedyPolicy,
-    "ppo": PPOPolicy,
+    "imitation": ImitationPolicy,
     "planner": PlannerPolicy,
 }
 """The packaged policies by name, from the simplest to the strongest."""
@@ -55,7 +55,7 @@ def make(name: str, scenario: Scenario) -> BatchPolicy:
 
     Args:
         name: one of `POLICIES`, or the path of an .npz file of weights, as
-            `examples/train_ppo.py` writes it, for a `PPOPolicy`.
+            `examples/train_imitation.py` writes it, for a `ImitationPolicy`.
         scenario: the parameters of every search to steer.
 
     Raises:
@@ -66,7 +66,7 @@ def make(name: str, scenario: Scenario) -> BatchPolicy:
     if not isinstance(name, str):
         raise TypeError(f"name must be a policy's name, got {name!r}")
     if name.endswith(".npz"):
-        return PPOPolicy(scenario, name)
+        return ImitationPolicy(scenario, name)
     if name not in POLICIES:
         raise ValueError(
             f"name must be one of {', '.join(POLICIES)}, or a file of weights (.npz), got {name!r}"

@@ -1,4 +1,4 @@
-"""The inputs of the network "ppo": the success of searches at each drone's time of arrival.
+"""The inputs of the network "imitation": the success of searches at each drone's time of arrival.
 
 They do not depend on the scale of the probabilities, and have one length for all grids and
 numbers of drones, so one network serves them all. Turning a search by a right angle only changes
@@ -46,7 +46,8 @@ _SCORES = LENGTH + 3 * _BOXES  # of the scores: groups of four directions and a 
 _GROUPS = 6
 _DRIFT = _SCORES + 5 * _GROUPS
 _BORDER = _DRIFT + 4
-_GLOBALS = _BORDER + 4
+_HEADING = _BORDER + 4
+_GLOBALS = _HEADING + 4
 
 INPUTS = _GLOBALS + 6
 """The number of inputs."""
@@ -60,7 +61,7 @@ def _views() -> NDArray[np.int64]:
     middle = WINDOW // 2
     right, ahead = np.mgrid[-middle : middle + 1, -middle : middle + 1]
     windows = [*range(0, LENGTH - 2, WINDOW**2), *range(LENGTH, _SCORES, WINDOW**2)]
-    directions = [*range(_SCORES, _DRIFT, 5), _DRIFT, _BORDER]
+    directions = [*range(_SCORES, _DRIFT, 5), _DRIFT, _BORDER, _HEADING]
     for turn, view in enumerate(views):
         x, y = ((ahead, right), (-right, ahead), (-ahead, -right), (right, -ahead))[turn]
         boxes = ((y + middle) * WINDOW + x + middle).reshape(-1)
@@ -92,7 +93,8 @@ class Arrivals:
       without the cells that other drones claim; the sums over all cells on that side in the first
       two windows; and the best cell for waiting. The last group shows which moves lead closer to
       the drone's own claim, and how far that is;
-    - the mean drift towards and the distance from the border in the directions in `TURNS`;
+    - the mean drift towards and the distance from the border in the directions in `TURNS`, and
+      which of them the drone moved in last;
     - the remaining steps, probability of detection, number of drones, size of the likely area,
       and that size relative to the searches left, on logarithmic scales except for the second;
       and the discount of the best cell.
@@ -124,6 +126,7 @@ class Arrivals:
         remaining: Integers,
         limit: int,
         detections: NDArray[np.floating],
+        headings: Integers,
     ) -> Singles:
         """The inputs of every drone: float32, shape (searches, n, INPUTS).
 
@@ -135,6 +138,8 @@ class Arrivals:
             remaining: steps until the time limit, at least 1; shape (searches,).
             limit: the time limit, in steps.
             detections: the probability of detection, shape (searches,).
+            headings: every drone's latest move, an `Action`, or any other before the first;
+                shape (searches, n).
         """
         searches, n, size = len(ahead), self.n_drones, self.grid_size
         out = np.empty((searches, n, INPUTS), np.float32)
@@ -182,7 +187,9 @@ class Arrivals:
         drift = np.stack([drift_x, drift_y, -drift_x, -drift_y], 1)
         out[..., _DRIFT:_BORDER] = drift.clip(0.0)[:, None]
         border = np.stack([size - 1 - x, size - 1 - y, x, y], 1)
-        flat[:, _BORDER:_GLOBALS] = border.clip(0, NEAR_BORDER) / NEAR_BORDER
+        flat[:, _BORDER:_HEADING] = border.clip(0, NEAR_BORDER) / NEAR_BORDER
+
+        out[..., _HEADING:_GLOBALS] = headings[..., None] == np.array(TURNS)
 
         now = ahead[:, 0].reshape(searches, -1)
         squares = np.maximum(np.square(now).sum(axis=1), TINY)

@@ -6,7 +6,7 @@ each person's exact posterior, bit for bit, and in most cases who has been found
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations, islice
 from typing import Any
 
@@ -38,6 +38,7 @@ class BeliefTracker:
 
     Attributes:
         missing: the persons who count as missing, by number in ascending order; at least one.
+        headings: the latest move of each drone, an `Action`; `Action.IDLE` before the first.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -45,6 +46,7 @@ class BeliefTracker:
         self.forecasts = scenario.forecasts()
         self.step = 0
         self.missing = tuple(range(len(self.forecasts)))
+        self.headings = (int(Action.IDLE),) * scenario.n_drones
         self._beliefs: tuple[Belief, ...] | None = None  # None before the first search
         self._perhaps_found: tuple[int, ...] = ()  # by the latest searches
 
@@ -127,7 +129,7 @@ class BeliefTracker:
                 if missing:
                     yield missing
 
-    def update(self, cells: Sequence[Cell], actions: Iterable[int]) -> None:
+    def update(self, cells: Sequence[Cell], actions: Sequence[int]) -> None:
         """Advance by a step: searches that did not find those still missing, then drift."""
         size = self.scenario.grid_size
         searched = [
@@ -135,6 +137,10 @@ class BeliefTracker:
             for (x, y), action in zip(cells, actions, strict=True)
             if action == Action.SEARCH
         ]
+        self.headings = tuple(
+            int(action) if action < Action.SEARCH else before
+            for action, before in zip(actions, self.headings, strict=True)
+        )
         self._perhaps_found = ()
         if searched:
             self._update_beliefs(searched)

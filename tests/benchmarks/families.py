@@ -1,7 +1,7 @@
 """Compare policies on families of random searches, exactly.
 
-    python tests/benchmarks/families.py --searches 20 --policies greedy-forecast ppo planner
-    python tests/benchmarks/families.py --policies greedy-forecast ppo alone=runs/seed1/policy.npz
+    python tests/benchmarks/families.py --searches 20 --policies greedy-forecast imitation planner
+    python tests/benchmarks/families.py --policies greedy-forecast alone=runs/seed1/policy.npz
 
 alone=weights.npz is a network that acts without simulating the search first.
 
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
-from DroneSwarmSearch.policies import PPOPolicy
+from DroneSwarmSearch.policies import ImitationPolicy
 
 FAMILIES = ("ordinary", "swarms", "low-detection", "strong-drift", "two-persons", "long")
 
@@ -83,7 +83,7 @@ def draw_search(rng: np.random.Generator, family: str, number: int) -> NamedSear
 def policy_for(name: str, scenario: Scenario) -> Any:
     """A policy as `evaluate` takes it: a name, or an object for the scenario."""
     kind, _, path = name.partition("=")
-    return PPOPolicy(scenario, path, samples=None) if kind == "alone" else name
+    return ImitationPolicy(scenario, path, samples=None) if kind == "alone" else name
 
 
 def interval(values: NDArray[np.float64], rng: np.random.Generator) -> str:
@@ -100,7 +100,7 @@ def main() -> None:
     parser.add_argument("--searches", type=int, default=20, help="searches per family (20)")
     parser.add_argument("--seed", type=int, default=0, help="of the searches (0)")
     parser.add_argument("--families", nargs="+", choices=FAMILIES, default=FAMILIES)
-    parser.add_argument("--policies", nargs="+", default=["greedy-forecast", "ppo"])
+    parser.add_argument("--policies", nargs="+", default=["greedy-forecast", "imitation"])
     parser.add_argument("--csv", type=Path, help="a file for the success in every search")
     options = parser.parse_args()
 

@@ -13,7 +13,7 @@ from helpers import plain
 from DroneSwarmSearch.evaluation import NamedSearch, compare, evaluate
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.arrivals import INPUTS, VIEWS
-from DroneSwarmSearch.policies.ppo import Network, PPOPolicy
+from DroneSwarmSearch.policies.imitation import ImitationPolicy, Network
 from DroneSwarmSearch.scenario import Scenario
 
 Layers = list[tuple[np.ndarray, np.ndarray]]
@@ -113,22 +113,22 @@ class TestSimulations:
             probability_of_detection=0.6,
             mission="coverage",
         )
-        parts = [PPOPolicy(drawn, samples=None), make("greedy-forecast", drawn)]
+        parts = [ImitationPolicy(drawn, samples=None), make("greedy-forecast", drawn)]
         fewer, found, *others = (
             evaluate(policy, drawn, episodes=1).success.value
-            for policy in (PPOPolicy(drawn, samples=0), PPOPolicy(drawn), *parts)
+            for policy in (ImitationPolicy(drawn, samples=0), ImitationPolicy(drawn), *parts)
         )
         assert fewer == pytest.approx(max(others)) and found >= max(*others, fewer) - 1e-9
 
     @pytest.mark.parametrize(("samples", "error"), [(-1, ValueError), (1.5, TypeError)])
     def test_rejects_invalid_numbers_of_samples(self, samples: Any, error: type) -> None:
         with pytest.raises(error, match="samples must be"):
-            PPOPolicy(scenario(), samples=samples)
+            ImitationPolicy(scenario(), samples=samples)
 
 
 def test_the_default_weights_beat_a_pattern_on_a_search_outside_training() -> None:
     drawn = scenario(
-        grid_size=13,  # training had neither this grid size nor three drones
+        grid_size=13,  # smaller than any grid of the training
         n_drones=3,
         vector=(0.3, -0.2),
         person_initial_position=(5, 8),
@@ -136,5 +136,7 @@ def test_the_default_weights_beat_a_pattern_on_a_search_outside_training() -> No
         timestep_limit=40,
     )
     of = NamedSearch("drawn", "Not trained on.", drawn)
-    ppo, pattern = (evaluate(name, of, episodes=1) for name in ("ppo", "parallel-sweep"))
-    assert compare(ppo, pattern).success.value > 0.01
+    imitation, pattern = (
+        evaluate(name, of, episodes=1) for name in ("imitation", "parallel-sweep")
+    )
+    assert compare(imitation, pattern).success.value > 0.01

@@ -1,4 +1,4 @@
-"""The policy "ppo": one small network trained by `examples/train_ppo.py`, run in NumPy."""
+"""The policy "imitation": one small network that imitates plans, run in NumPy."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TEMPERATURE = 0.5
 OUTPUTS = 2
 """Outputs of the network in each view: the scores of flying straight ahead and of searching."""
 
-DEFAULT_WEIGHTS = Path(__file__).with_name("ppo.npz")
+DEFAULT_WEIGHTS = Path(__file__).with_name("imitation.npz")
 """The packaged weights."""
 
 
@@ -102,8 +102,11 @@ class Network:
             raise ValueError(f"{path} must hold a network's weights: {error!r}") from error
 
 
-class PPOPolicy(PlannedPolicy):
-    """A network trained by PPO on randomly drawn searches; every drone runs a copy of it.
+class ImitationPolicy(PlannedPolicy):
+    """A network trained to imitate the plans of random searches; every drone runs a copy of it.
+
+    `examples/train_imitation.py` trains it: the plans start from the network's own paths, and the
+    next network learns from them.
 
     The policy tracks the posterior itself. Each drone observes the probability that searching a
     cell succeeds (POS) at the time of its arrival there (`Arrivals`), and the network computes the
@@ -116,8 +119,8 @@ class PPOPolicy(PlannedPolicy):
     person, it is therefore at least as successful as each of them (parallel rollout: H. S. Chang,
     R. Givan, E. K. P. Chong, Discrete Event Dynamic Systems 14:309, 2004).
 
-    Source: J. Schulman, F. Wolski, P. Dhariwal, A. Radford, O. Klimov, Proximal policy
-    optimization algorithms, 2017.
+    Source: T. Anthony, Z. Tian, D. Barber, Thinking fast and slow with deep learning and tree
+    search, NIPS 2017.
 
     Args:
         scenario: the parameters of every search to steer.
@@ -171,7 +174,9 @@ class PPOPolicy(PlannedPolicy):
         ahead = tracker.success_ahead(self._arrivals.steps(remaining))[None]
         detections = [self.scenario.detections[person] for person in tracker.missing]
         detection = np.array([sum(detections) / len(detections)])
-        inputs = self._arrivals.inputs(ahead, positions, np.array([remaining]), limit, detection)
+        inputs = self._arrivals.inputs(
+            ahead, positions, np.array([remaining]), limit, detection, np.array([tracker.headings])
+        )
         logits = self._network(inputs[0])
         if rng is not None:
             logits += (TEMPERATURE * rng.gumbel(size=logits.shape)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Random searches for train_ppo.py: to train on, and held out to test on."""
+"""Random searches for train_imitation.py: to train on, and held out to test on."""
 
 from __future__ import annotations
 
