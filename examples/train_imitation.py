@@ -56,7 +56,7 @@ TOGETHER = 4  # searches of one size, flown together
 LARGEST = 1_600_000  # drones x steps x cells of the searches to plan
 LATER = 0.5  # part of the searches that are planned from a later step on
 NOISE = 0.5  # factor on the Gumbel noise of the actions before
-WORK = 60_000  # of the planner for each drone and step
+SECONDS = 0.0025  # work of the planner for each drone and step
 EVERY = 2  # of so many steps of a plan, one is learned from
 ENOUGH = 0.99  # probability of success after which nothing is learned
 HIDDEN = 128  # units in each of the two hidden layers
@@ -166,8 +166,7 @@ def improve(
     ]
     searches = (actions[first:] == Action.SEARCH).T
     plan = Plan(targets, first, [*map(DronePath, cells[first:].T, searches)])
-    plan.improve(min_length=3, min_gain=5e-4, max_rounds=2, max_length=12)
-    plan.explore(rng, max(WORK * searches.size - plan.work, 0))
+    plan.anneal(SECONDS * searches.size, rng)
     cells, actions = cells.copy(), actions.copy()
     cells[first:] = np.transpose([path.cells for path in plan.paths])
     here, there = cells[first:-1], cells[first + 1 :]

@@ -18,6 +18,7 @@ from DroneSwarmSearch.policies.greedy import (
     GreedyPolicy,
     PosteriorGreedyPolicy,
 )
+from DroneSwarmSearch.policies.imitation import ImitationPolicy
 from DroneSwarmSearch.policies.patterns import (
     CreepingLinePolicy,
     ExpandingSquarePolicy,
@@ -31,7 +32,6 @@ from DroneSwarmSearch.policies.planned import (
     PlannedStep,
     searching_in_flight,
 )
-from DroneSwarmSearch.policies.ppo import PPOPolicy
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -111,7 +111,7 @@ class PlannerPolicy(PlannedPolicy):
         if tracker.step == 0:
             acts += [_acting(kind(self.scenario)) for kind in INITIAL]
         plans = [self.simulated(each, tracker, cells)[0] for each in acts]
-        return [*plans, PPOPolicy(self.scenario).plan(tracker, cells)]
+        return [*plans, ImitationPolicy(self.scenario).plan(tracker, cells)]
 
     def _improved(
         self, tracker: BeliefTracker, initial: list[list[Path]], report: Report
