@@ -41,7 +41,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.planning.memory import RememberingDrones
-from DroneSwarmSearch.planning.mirror_ascent import Solution, mirror_ascent
+from DroneSwarmSearch.planning.mirror_ascent import CHECKS, Solution, mirror_ascent
 from DroneSwarmSearch.planning.objectives import TrajectoryObjective
 from DroneSwarmSearch.planning.trajectories import (
     Trajectories,
@@ -73,7 +73,7 @@ MOST_MEMORY = 5
 MOST_CELLS = 2**28
 """The most cells of all trajectories in a sample, which then take about 7 GB."""
 
-ITERATIONS, ITERATIONS_BEFORE = 400, 12
+ITERATIONS, ITERATIONS_BEFORE = 800, 12
 """The most iterations for the time limit, and for fewer steps."""
 
 
@@ -109,7 +109,7 @@ def success_bound(
     *,
     memory: int | None = None,
     sample: int = SAMPLE,
-    gap: float = 0.002,
+    gap: float = 0.005,
     horizons: int = HORIZONS,
 ) -> SuccessBound:
     """Bound the probability of success of every policy from above.
@@ -121,8 +121,7 @@ def success_bound(
             and take longer. By default, as many as a fixed amount of work allows.
         sample: trajectories to draw for each person with too many to enumerate; times the time
             limit, at most 2**28.
-        gap: the duality gap at which to stop, as a fraction of the bound, with less than 16,384
-            trajectories.
+        gap: the duality gap at which to stop, as a fraction of the bound.
         horizons: numbers of steps for which to solve the relaxation.
 
     Raises:
@@ -187,7 +186,7 @@ class _Relaxation:
         starts: every drone's first cell, y * N + x.
         trajectories: all of the person's, or a sample.
         failure: the probability that a sampled bound may fail; None for all trajectories.
-        gap: the duality gap at which to stop, as a fraction of the bound, without batches.
+        gap: the duality gap at which to stop, as a fraction of the bound.
     """
 
     model: DriftModel
@@ -238,7 +237,11 @@ class _Relaxation:
         )
 
     def _certain(self, upper_bound: float, solution: Solution, share: float) -> float:
-        """Add the sampling error, given a share of the failure probability."""
+        """Add the sampling error, given a share of the failure probability.
+
+        How batches count depends on when the method stops, so the bound must hold at all checks.
+        """
         if self.failure is None:
             return min(upper_bound, 1.0)
-        return chernoff_bound(upper_bound, solution.effective, 1.0 - share * self.failure)
+        failure = share * self.failure / CHECKS
+        return chernoff_bound(upper_bound, solution.effective, 1.0 - failure)

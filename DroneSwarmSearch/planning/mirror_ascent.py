@@ -26,13 +26,16 @@ STEP_SIZE, SLOWER = 20.0, 0.03
 """The step size for one drone that gains 1 from the first tangent; its decrease per iteration."""
 
 WIDTHS = 0.2, 0.05
-"""Half the width over which corners are rounded off, in searches: first and last."""
+"""Half the width over which corners are rounded off, in searches: first and least."""
+
+WIDTH_HALF_LIFE = 80.0
+"""After this many iterations, the width is half of the first."""
 
 RECENT = 3
 """The mean of the tangents has weights that grow with this power of the iteration."""
 
-CHECK_EVERY = 25
-"""Iterations after which the method compares the bound with the value."""
+CHECKS = 4
+"""How often the method compares the bound with the value, and may stop."""
 
 
 class Solution(NamedTuple):
@@ -67,7 +70,7 @@ def mirror_ascent(
     Args:
         drones: their trajectories, and what mixtures collect.
         objective: the function of what is collected along a trajectory.
-        gap: stop at this duality gap, as a fraction of the upper bound, if there is one batch.
+        gap: stop at this duality gap, as a fraction of the upper bound.
         iterations: the largest number of iterations.
         batch: trajectories in an iteration.
         sums: start from these; by default, from random paths.
@@ -88,7 +91,7 @@ def mirror_ascent(
         size = 2.0 / (iteration + 2.0)
         point = mean + np.float32(size) * (flow - mean)
         collected = drones.collected(point, part)
-        width = WIDTHS[0] * (WIDTHS[1] / WIDTHS[0]) ** (iteration / iterations)
+        width = max(WIDTHS[0] / (1.0 + iteration / WIDTH_HALF_LIFE), WIDTHS[1])
         above, slope = objective.tangent(collected, width)
         tangent = drones.sums(slope * share, part)
         if not iteration:
@@ -102,9 +105,7 @@ def mirror_ascent(
         weights[part] += recency * share
         slopes[:, part] += recency * slope * share
         intercept += recency * float((above * share).sum())
-        # Batches count differently, which must not depend on the sample: stop early without them.
-        last = iteration + 1 == iterations
-        if last or (len(parts) == 1 and (iteration + 1) % CHECK_EVERY == 0):
+        if (iteration + 1) % -(-iterations // CHECKS) == 0 or iteration + 1 == iterations:
             upper_bound = min((intercept + drones.most(drones.sums(slopes))) / total, 1.0)
             value = float((probabilities * objective.value(drones.collected(mean))).sum())
             if upper_bound - value <= gap * upper_bound:
