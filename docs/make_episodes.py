@@ -29,7 +29,7 @@ SEARCHES = ("man-overboard", "gale", "two-positions", "wreck", "fleet", "classic
 
 POLICIES = {
     "planner": "Planner",
-    "imitation": "trained network",
+    "imitation": "Trained network",
     "greedy-posterior": "Greedy on the posterior",
     "expanding-square": "Expanding square",
     "parallel-sweep": "Parallel sweep",

@@ -410,7 +410,7 @@ def test_views_of_the_map(browser, address):
 @pytest.mark.parametrize("width", [PHONE, DESKTOP])
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_the_player_fits_the_page(browser, address, theme, width):
-    player = Player(browser, f"{address}/play.html#gale/ppo/0", theme=theme, width=width)
+    player = Player(browser, f"{address}/play.html#gale/imitation/0", theme=theme, width=width)
     other = "dark" if theme == "light" else "light"
     player.scrub(30)
     player.reach(30)
@@ -432,7 +432,7 @@ def test_nothing_moves_for_those_who_want_less_motion(browser, address):
     from selenium.webdriver.common.keys import Keys
 
     reduce = {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]}
-    player = Player(browser, f"{address}/play.html#gale/ppo/0")
+    player = Player(browser, f"{address}/play.html#gale/imitation/0")
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", reduce)
     player.press(Keys.ARROW_RIGHT)
     player.reach(1)
