@@ -15,7 +15,8 @@ tangents may come from drones with little memory, and the bound from drones with
 
 The expectation is over all trajectories if there are few, otherwise over a sample: then a Chernoff
 bound covers the error of the best policy's mean success on it, and a union bound (Bonferroni) over
-the persons and the numbers of steps makes all bounds hold together.
+the persons and the numbers of steps makes all bounds hold together. If q < 1, the larger function
+1 - (1 - q)^s of the effort s gives another bound, without a sample; the smaller one is returned.
 
 Finding all of several persons is at most as likely as the product of their bounds. Let m be where
 the missing persons may be, m' the same after an action, f_i the probability that it finds person i,
@@ -34,15 +35,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.model import DriftModel
+from DroneSwarmSearch.planning.frank_wolfe import frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.mirror_ascent import CHECKS, Solution, mirror_ascent
-from DroneSwarmSearch.planning.objectives import TrajectoryObjective
+from DroneSwarmSearch.planning.objectives import MarkovChainObjective, TrajectoryObjective
+from DroneSwarmSearch.planning.paths import best_path, values_to_go
 from DroneSwarmSearch.planning.trajectories import (
     Trajectories,
     chernoff_bound,
@@ -73,8 +77,8 @@ MOST_MEMORY = 5
 MOST_CELLS = 2**28
 """The most cells of all trajectories in a sample, which then take about 7 GB."""
 
-ITERATIONS, ITERATIONS_BEFORE = 800, 12
-"""The most iterations for the time limit, and for fewer steps."""
+ITERATIONS, ITERATIONS_BEFORE, CHAIN_ITERATIONS = 800, 12, 40
+"""The most iterations for the time limit, for fewer steps, and without trajectories."""
 
 
 @dataclass(frozen=True)
@@ -168,6 +172,15 @@ def success_bound(
     return SuccessBound(by_time, float(value), float(upper - value), confidence)
 
 
+def drone_paths(starts: Sequence[int], gains: Floats) -> tuple[float, Floats]:
+    """The most that the drones can gain, and their searches of each cell; both (n, N, N)."""
+    values, effort = values_to_go(gains, np.zeros(gains.shape[1:])), np.zeros_like(gains)
+    for start in starts:
+        path = best_path(gains, values, start)
+        effort.reshape(len(effort), -1)[path.searches, path.cells[:-1][path.searches]] += 1.0
+    return float(values[0].reshape(-1)[list(starts)].sum()), effort
+
+
 def _filled(bounds: Mapping[int, float]) -> Floats:
     """The bound after every number of steps, from those for some, the largest one included."""
     curve = np.full(max(bounds) + 1, np.inf)
@@ -242,6 +255,16 @@ class _Relaxation:
         How batches count depends on when the method stops, so the bound must hold at all checks.
         """
         if self.failure is None:
-            return min(upper_bound, 1.0)
+            return upper_bound
         failure = share * self.failure / CHECKS
-        return chernoff_bound(upper_bound, solution.effective, 1.0 - failure)
+        upper_bound = chernoff_bound(upper_bound, solution.effective, 1.0 - failure)
+        if self.detection in (0.0, 1.0):
+            return upper_bound
+        rate = -math.log1p(-self.detection)
+        return frank_wolfe(
+            MarkovChainObjective(self.model, rate, solution.effort),
+            partial(drone_paths, self.starts),
+            gap=self.gap,
+            iterations=CHAIN_ITERATIONS,
+            upper_bound=upper_bound,
+        ).upper_bound

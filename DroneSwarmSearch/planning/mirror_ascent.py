@@ -47,6 +47,7 @@ class Solution(NamedTuple):
         effective: the number of trajectories for `chernoff_bound`, as batches count differently.
         sums: the sums of the tangents (see `RememberingDrones`), to start another solution from.
         tangents: the mean tangents: their values without effort, and their slopes, (2, M).
+        effort: the mixture's mean number of searches of each cell in each step: (T, N, N).
     """
 
     value: float
@@ -54,6 +55,7 @@ class Solution(NamedTuple):
     effective: float
     sums: list[Floats]
     tangents: tuple[float, Floats]
+    effort: Floats
 
 
 def mirror_ascent(
@@ -111,4 +113,5 @@ def mirror_ascent(
             if upper_bound - value <= gap * upper_bound:
                 break
     tangents = intercept / total, slopes / total
-    return Solution(value, upper_bound, total / float(weights.max()), sums, tangents)
+    effective, effort = total / float(weights.max()), mean.sum(axis=1, dtype=np.float64)
+    return Solution(value, upper_bound, effective, sums, tangents, effort)

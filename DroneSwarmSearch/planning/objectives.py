@@ -1,4 +1,4 @@
-"""A concave upper bound on the probability of success (POS), as a function of search effort."""
+"""Concave upper bounds on the probability of success (POS), as functions of search effort."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import math
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch.drift.model import DriftModel
+from DroneSwarmSearch.planning.frank_wolfe import line_search
 
 
 class TrajectoryObjective:
@@ -63,3 +65,41 @@ class TrajectoryObjective:
         turned = np.clip((searches - corner) / (2 * width) + 0.5, 0.0, 1.0)
         turned[corner == 1] = 1.0
         return corner, turned
+
+
+class MarkovChainObjective:
+    """E[1 - exp(-rate * effort along the trajectory)], exactly, for changing effort (T, N, N)."""
+
+    def __init__(self, chain: DriftModel, rate: float, effort: Floats) -> None:
+        self._chain, self._prior = chain, chain.joint(0)
+        self._rate, self._effort = rate, effort
+
+    def value(self) -> float:
+        return float(1.0 - self._missing(self._effort)[-1].sum())
+
+    def tangent(self) -> tuple[float, Floats]:
+        missing, missed = self._missing(self._effort), np.exp(-self._rate * self._effort)
+        gains = np.empty_like(self._effort)
+        later = np.ones_like(self._prior)  # the probability of staying unfound from here on
+        for step in range(len(missed) - 1, -1, -1):
+            later = later * self._chain.lift(missed[step])
+            gains[step] = self._rate * self._chain.map(missing[step] * later)
+            if step:
+                later = self._chain.backward(later, step - 1)
+        found = 1.0 - missing[-1].sum()
+        return float(found - np.vdot(gains, self._effort)), gains
+
+    def move_towards(self, target: Floats) -> None:
+        change = target - self._effort
+        self._effort += change * line_search(
+            lambda size: -float(self._missing(self._effort + size * change)[-1].sum())
+        )
+
+    def _missing(self, effort: Floats) -> list[Floats]:
+        """Where the unfound person is, before each step and after the last search."""
+        missing = [self._prior]
+        for step, missed in enumerate(np.exp(-self._rate * effort)):
+            mass = missing[-1] * self._chain.lift(missed)
+            last = step + 1 == len(effort)
+            missing.append(mass if last else self._chain.forward(mass, step))
+        return missing
