@@ -46,7 +46,7 @@ from DroneSwarmSearch.planning.frank_wolfe import frank_wolfe
 from DroneSwarmSearch.planning.memory import RememberingDrones
 from DroneSwarmSearch.planning.mirror_ascent import CHECKS, Solution, mirror_ascent
 from DroneSwarmSearch.planning.objectives import MarkovChainObjective, TrajectoryObjective
-from DroneSwarmSearch.planning.paths import best_path, values_to_go
+from DroneSwarmSearch.planning.paths import best_paths, values_to_go
 from DroneSwarmSearch.planning.trajectories import (
     Trajectories,
     chernoff_bound,
@@ -175,9 +175,10 @@ def success_bound(
 def drone_paths(starts: Sequence[int], gains: Floats) -> tuple[float, Floats]:
     """The most that the drones can gain, and their searches of each cell; both (n, N, N)."""
     values, effort = values_to_go(gains, np.zeros(gains.shape[1:])), np.zeros_like(gains)
-    for start in starts:
-        path = best_path(gains, values, start)
-        effort.reshape(len(effort), -1)[path.searches, path.cells[:-1][path.searches]] += 1.0
+    which = np.zeros(len(starts), np.int64)
+    cells, searches = best_paths(gains[:, None], values[:, None], np.array(starts), which)
+    step, drone = searches.nonzero()
+    np.add.at(effort.reshape(len(effort), -1), (step, cells[step, drone]), 1.0)
     return float(values[0].reshape(-1)[list(starts)].sum()), effort
 
 
