@@ -94,6 +94,21 @@ def test_is_never_below_greedy_with_one_person(of: NamedSearch) -> None:
     assert planner_success(of) >= greedy - 1e-12
 
 
+@pytest.mark.good_plans
+def test_more_work_finds_more_and_the_same_work_the_same() -> None:
+    of = search(
+        [(0, 0), (1, 0), (2, 0)], grid_size=12, timestep_limit=24,
+        person_initial_position=(7, 7), vector=(0.2, -0.1), disperse_constant=8,
+    )  # fmt: skip
+    success = []
+    for seconds in (0.0, 0.3, 0.3):
+        policy = PlannerPolicy(of.scenario, seconds=seconds)
+        success.append(success_of(of, paths_of(policy, of))[0])
+    assert success[0] + 0.005 < success[1] == success[2]
+    with pytest.raises(ValueError, match="seconds must be"):
+        PlannerPolicy(of.scenario, seconds=-1)
+
+
 A_SEARCH = search(
     [(0, 0), (7, 7)], grid_size=8, person_initial_position=[(3, 4), (5, 2)],
     vector=(0.1, -0.1), disperse_constant=4, timestep_limit=16,

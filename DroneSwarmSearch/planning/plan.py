@@ -106,11 +106,12 @@ class Plan:
         report: Report = lambda fraction: None,
     ) -> None:
         """Improve the plan by some work, given as the time that it takes on a common computer."""
-        noise, done, begin, direction = rng.normal(size=NOISE), 0.0, 0, 1
+        noise, begin, direction = rng.normal(size=NOISE), 0, 1
         noises = [np.exp(strength * noise) for strength in STRENGTHS]
         value = most = self.value()
         best = copy.deepcopy(self.paths)
         unit = max(value, 1e-9) / (len(best) * self._steps)
+        done = 0.0 if seconds else 1.0
         while done < 1.0:
             report(done)
             temperature = unit * HOTTEST * (COLDEST / HOTTEST) ** done
