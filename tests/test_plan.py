@@ -23,7 +23,7 @@ from small_searches import (
 
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.planning.plan import Plan, idle_paths
+from DroneSwarmSearch.planning.plan import Plan
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
 
@@ -117,7 +117,8 @@ def test_a_path_meets_the_person_as_early_as_possible() -> None:
         [(3, 2)], grid_size=6, person_initial_position=(0, 0), vector=(1, 0),
         disperse_constant=0, timestep_limit=5, probability_of_detection=0.6,
     )  # fmt: skip
-    plan = Plan(targets_of(of, worth=np.linspace(2, 1, 5)), 0, idle_paths([15], 5))
+    idle = Path(np.full(6, 15), np.zeros(5, np.bool_))
+    plan = Plan(targets_of(of, worth=np.linspace(2, 1, 5)), 0, [idle])
     plan.anneal(0.1, np.random.default_rng(0))
     assert plan.value() == pytest.approx(0.6 * 1.25)
     assert plan.paths[0].cells[3] == 3  # (3, 0), in step 3 as the person

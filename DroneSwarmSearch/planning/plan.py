@@ -63,11 +63,6 @@ TRIAL_COST, STEP_COST, VALUE_COST = 150e-6, 80e-6, 10e-9
 """The time of a trial, of each of its steps and of each mass of a candidate, in seconds, about."""
 
 
-def idle_paths(starts: Sequence[int], steps: int) -> list[Path]:
-    """Paths of drones that stay in their cells, y * N + x, without searching."""
-    return [Path(np.full(steps + 1, cell), np.zeros(steps, np.bool_)) for cell in starts]
-
-
 class Plan:
     """The drones' paths over the next n steps, from the episode's step `first` on.
 

@@ -151,28 +151,19 @@ class Window:
             is_last: whether nothing else will be added, so that only the gains matter.
         """
         where, q = self._indices(cells, searches), self._target.detection
-        shape = (*self._masses.shape[1:3], cells.shape[-1], *self._masses.shape[-2:])
-        gained, found, last = np.zeros(cells.shape[1:]), np.zeros(shape), len(where) - 1
-        masses = self._masses if is_last else np.empty((len(where), *shape))
-        for step, (_, box, candidate, y, x) in enumerate(where):
-            # All candidates still share one mass unless some drone's were added before.
-            one = candidate if self._masses.shape[3] > 1 else np.zeros_like(candidate)
-            mass = self._masses[step][:, box, one, y, x] - found[:, box, candidate, y, x]
-            loss = self._losses[step][:, box, one, y, x]
-            gained[box, candidate] += q * (mass * loss).sum(axis=0)
-            if not is_last:
-                np.subtract(self._masses[step], found, out=masses[step])
-            if step < last:
-                found *= self._kept[step]
-                found[:, box, candidate, y, x] += q * mass
-                found = self._forward(found, step)
+        losses, gained = self._losses, np.zeros(cells.shape[1:])
+        shape = (*self._masses.shape[:3], cells.shape[-1], *self._masses.shape[-2:])
+        self._masses, self._losses = (
+            np.broadcast_to(each, shape).copy() for each in (self._masses, losses)
+        )
+        steps = range(len(where))
+        self._change(self._masses, steps, self._forward, where, -1.0)
+        for step, index in enumerate(where):
+            mass, loss = self._masses[step][index], np.broadcast_to(losses[step], shape[1:])[index]
+            gained[index[1:3]] += q * (mass * loss).sum(axis=0)
         if not is_last:
-            self._masses = masses
-            steps = range(last, -1, -1)
-            losses = np.broadcast_to(self._losses, masses.shape).copy()
-            self._change(losses, steps, self._backward, where, -1.0)
-            self._losses = losses
-            self._kept = np.broadcast_to(self._kept, (len(where), 1, *shape[1:])).copy()
+            self._change(self._losses, steps[::-1], self._backward, where, -1.0)
+            self._kept = np.broadcast_to(self._kept, (len(where), 1, *shape[2:])).copy()
             for step, index in enumerate(where):
                 self._kept[step][index] = 1.0 - q
         return gained

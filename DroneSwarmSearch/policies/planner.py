@@ -86,7 +86,13 @@ class PlannerPolicy(PlannedPolicy):
         super().__init__(scenario)
         self._seconds = checks.real("seconds", seconds, 0.0)
         self._in_flight = in_flight
-        self._posterior = PosteriorGreedyPolicy(scenario)
+        self._acts: list[Act] = [PosteriorGreedyPolicy(scenario).actions]
+        self._network: ImitationPolicy | None = None
+        if in_flight:  # where greedy search on the forecast finds no more, and takes minutes
+            self._acts = [*map(searching_in_flight, self._acts)]
+        else:
+            self._acts.append(ForecastGreedyPolicy(scenario).actions)
+            self._network = ImitationPolicy(scenario)
 
     def prepare(self, drones_positions: object) -> None:
         """Make the first plan now, so that copies and pickles of the policy include it."""
@@ -104,14 +110,13 @@ class PlannerPolicy(PlannedPolicy):
 
     def _initial(self, tracker: BeliefTracker, cells: list[Cell]) -> list[list[PlannedStep]]:
         """The paths of other policies."""
-        act = self._posterior.actions
-        if self._in_flight:  # greedy search on the forecast finds no more, and takes minutes
-            return [self.simulated(searching_in_flight(act), tracker, cells)[0]]
-        acts: list[Act] = [act, ForecastGreedyPolicy(self.scenario).actions]
-        if tracker.step == 0:
+        acts = [*self._acts]
+        if self._network is not None and tracker.step == 0:
             acts += [_acting(kind(self.scenario)) for kind in INITIAL]
-        plans = [self.simulated(each, tracker, cells)[0] for each in acts]
-        return [*plans, ImitationPolicy(self.scenario).plan(tracker, cells)]
+        plans = [self.simulated(act, tracker, cells)[0] for act in acts]
+        if self._network is not None:
+            plans.append(self._network.plan(tracker, cells))
+        return plans
 
     def _improved(
         self, tracker: BeliefTracker, initial: list[list[Path]], report: Report
