@@ -107,7 +107,7 @@ def test_the_gain_of_a_trial_is_exact(
         end = int(rng.integers(begin + 1, len(worth) + 1))
         before = plan.value()
         gained, _ = plan.trial(begin, end, 1e3, np.exp(rng.normal(size=2**18)), rng)
-        assert plan.value() - before == pytest.approx(gained, abs=1e-12)
+        assert plan.value() - before == pytest.approx(gained, abs=1e-5)  # in float32
         assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
 
 

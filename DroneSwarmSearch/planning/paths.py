@@ -54,7 +54,7 @@ def values_to_go(
         stays: for each step, whether the drone must stay and search; by default, it is free.
     """
     n = len(gains)
-    values = np.empty((n + 1, *gains.shape[1:]))
+    values = np.empty((n + 1, *gains.shape[1:]), gains.dtype)
     values[n] = at_end
     flat = values.reshape(*values.shape[:-2], -1)
     for step in range(n - 1, -1, -1):

@@ -13,8 +13,8 @@ A plan improves by simulated annealing (S. Kirkpatrick, C. D. Gelatt, M. P. Vecc
 1983) in large neighbourhoods (P. Shaw, CP 1998). A trial replaces a few steps of a drone's path, or
 of two drones' that are near each other. These may exchange the rest of their paths, since all
 drones are equal. The candidates are the best paths for randomly distorted gains, and the old path.
-The exact value V of each is computed (`windows`), and one is drawn with a probability proportional
-to exp(V / temperature), a heat bath. Trials go through time back and forth, so that the passes need
+The value V of each is computed (`windows`), and one is drawn with a probability proportional to
+exp(V / temperature), a heat bath. Trials go through time back and forth, so that the passes need
 little updating. No two drones are ever in one cell: each avoids the cells where the others will be.
 """
 
@@ -41,7 +41,7 @@ SHORTEST, LONGEST, LONGEST_LATER = 3, 20, 10
 STRENGTHS = (0.2, 0.5, 1.0)
 """Standard deviations of the logarithm of the factors that distort gains."""
 
-HOTTEST, COLDEST = 1.0, 0.02
+HOTTEST, COLDEST = 2.0, 0.02
 """The first and the last temperature, in units of a plan's mean value per drone and step."""
 
 TOGETHER = 4
@@ -50,7 +50,7 @@ TOGETHER = 4
 PAIRS, EXCHANGES = 0.5, 0.5
 """The fractions of trials with pairs, and of pairs that may exchange the rest of their paths."""
 
-VALUES, FEWEST, MOST = 20000, 4, 32
+VALUES, FEWEST, MOST = 20000, 8, 32
 """Masses of all candidates of a trial together, and the fewest and the most candidates."""
 
 NOISE = 2**18
@@ -59,7 +59,7 @@ NOISE = 2**18
 ENOUGH = 200
 """The most trials for each step of a plan; more improve small searches no further."""
 
-TRIAL_COST, STEP_COST, VALUE_COST = 150e-6, 80e-6, 10e-9
+TRIAL_COST, STEP_COST, VALUE_COST = 120e-6, 65e-6, 8e-9
 """The time of a trial, of each of its steps and of each mass of a candidate, in seconds, about."""
 
 
@@ -101,7 +101,7 @@ class Plan:
         report: Report = lambda fraction: None,
     ) -> None:
         """Improve the plan by some work, given as the time that it takes on a common computer."""
-        noise, begin, direction = rng.normal(size=NOISE), 0, 1
+        noise, begin, direction = rng.normal(size=NOISE).astype(np.float32), 0, 1
         noises = [np.exp(strength * noise) for strength in STRENGTHS]
         value = most = self.value()
         best = copy.deepcopy(self.paths)
@@ -161,9 +161,10 @@ class Plan:
         candidates = min(max(VALUES // values, FEWEST), MOST)
         took = STEP_COST * steps + VALUE_COST * values * candidates
         took = TRIAL_COST + members * took
+        old = np.zeros((count, 1))
         for drones in teams.T:
             for window in windows:
-                window.remove(cells[:-1, drones], searches[:, drones])
+                old[:, 0] += window.remove(cells[:-1, drones], searches[:, drones])
         taken = self._others(reach.numbers(cells[..., None]), teams)
         total, new = np.zeros((count, candidates)), []
         for place, drones in enumerate(teams.T):
@@ -178,22 +179,20 @@ class Plan:
             ends = -1 if is_tail else reach.numbers(goals[:, place])
             begins = reach.numbers(cells[0, drones])
             paths, looks, possible = _best(gains, begins, ends, taken, stays)
-            # The first candidate is the old path.
-            possible[:, 0] = True
-            paths[:, :, 0], looks[:, :, 0] = reach.numbers(cells[:, drones]), searches[:, drones]
             for indices, here in zip(taken, paths[1:], strict=True):
                 indices.append((*np.indices(here.shape), here))
             paths, is_last = reach.cells(paths), place == members - 1
             total += sum(window.add(paths[:-1], looks, is_last) for window in windows)
             total[~possible] = -np.inf
             new.append((paths, looks))
+        total = np.hstack([total - old, np.zeros((count, 1))])  # at last, the old paths
         chosen = (total / temperature + rng.gumbel(size=total.shape)).argmax(axis=1)
         gained, changed = 0.0, np.zeros(count, np.bool_)
-        for box in chosen.nonzero()[0]:
+        for box in (chosen < candidates).nonzero()[0]:
             # Boxes that do not meet do not affect each other.
             if not (boxes.meet(box) & changed).any():
                 changed[box], best = True, chosen[box]
-                gained += float(total[box, best] - total[box, 0])
+                gained += float(total[box, best])
                 parts = [Path(paths[:, box, best], looks[:, box, best]) for paths, looks in new]
                 self._replace(teams[box].tolist(), begin, parts)
         return gained, took

@@ -3,7 +3,7 @@
 Searches in L steps change the passes of the other steps and cells only near them. A drone stays in
 a box, its reach, and a person who leaves the box must come back to be searched again, so a margin
 of L / 2 cells makes the passes exact. A person whose drift model has no `matrices` may move
-farther, and gets all of the mass.
+farther, and gets all of the mass. Single precision suffices to choose among candidates.
 """
 
 from __future__ import annotations
@@ -103,24 +103,32 @@ class Window:
         masses, rests, kept = (
             values[begin:end] for values in (passes.masses, passes.rests, passes.kept)
         )
-        self._masses, rests, self._kept = (
-            _part(values, cells) if self._matrices else values[:, :, None, None].copy()
+        parts: Any = (
+            _part(values, cells) if self._matrices else values[:, :, None, None].astype(np.float32)
             for values in (masses, rests, chain.lift(kept))
         )
-        self._losses = self._target.worth[begin:end, None, None, None, None, None] - rests
+        self._masses, rests, self._kept = parts
+        worth = self._target.worth[begin:end].astype(np.float32)
+        self._losses = worth[:, None, None, None, None, None] - rests
         self.cells = self._masses[0].size
 
-    def remove(self, cells: Ints, searches: Flags) -> None:
-        """Remove the searches of one drone in each box: its cell and whether it searches, (L, K).
+    def remove(self, cells: Ints, searches: Flags) -> Floats:
+        """Remove the searches of one drone in each box; returns what they have gained, (K,).
 
         More is then left to find, and less is found later.
+
+        Args:
+            cells: the drone's cell on the grid before each step: (L, K).
+            searches: whether it searches in each step: (L, K).
         """
         where = self._indices(cells[..., None], searches[..., None])
+        found = [masses[index] for masses, index in zip(self._masses, where, strict=True)]
         for step, index in enumerate(where):
             self._kept[step][index] = 1.0
         steps = range(len(where))
         self._change(self._masses, steps, self._forward, where, 1.0)
         self._change(self._losses, steps[::-1], self._backward, where, 1.0)
+        return self._gained(found, self._losses, where)[:, 0]
 
     def gains(self, boxes: Boxes) -> Floats:
         """What one search of each cell gains in each step: (L, K, candidates, h, w).
@@ -150,23 +158,27 @@ class Window:
             searches: whether it searches in each step: (L, K, m).
             is_last: whether nothing else will be added, so that only the gains matter.
         """
-        where, q = self._indices(cells, searches), self._target.detection
-        losses, gained = self._losses, np.zeros(cells.shape[1:])
+        where, steps = self._indices(cells, searches), range(len(cells))
         shape = (*self._masses.shape[:3], cells.shape[-1], *self._masses.shape[-2:])
-        self._masses, self._losses = (
-            np.broadcast_to(each, shape).copy() for each in (self._masses, losses)
-        )
-        steps = range(len(where))
-        self._change(self._masses, steps, self._forward, where, -1.0)
-        for step, index in enumerate(where):
-            mass, loss = self._masses[step][index], np.broadcast_to(losses[step], shape[1:])[index]
-            gained[index[1:3]] += q * (mass * loss).sum(axis=0)
+        masses, losses = (np.broadcast_to(each, shape) for each in (self._masses, self._losses))
         if not is_last:
+            masses = masses.copy()
+        found = self._change(masses, steps, self._forward, where, -1.0)
+        gained = self._gained(found, losses, where)
+        if not is_last:
+            self._masses, self._losses = masses, losses.copy()
             self._change(self._losses, steps[::-1], self._backward, where, -1.0)
             self._kept = np.broadcast_to(self._kept, (len(where), 1, *shape[2:])).copy()
             for step, index in enumerate(where):
-                self._kept[step][index] = 1.0 - q
+                self._kept[step][index] = 1.0 - self._target.detection
         return gained
+
+    def _gained(self, found: list[Floats], losses: Floats, where: list[tuple[Any, ...]]) -> Floats:
+        """What searches gain, (K, m), given the masses that they meet."""
+        gained = np.zeros(losses.shape[2:4])
+        for mass, loss, index in zip(found, losses, where, strict=True):
+            gained[index[1:3]] += (mass * loss[index]).sum(axis=0)
+        return gained * self._target.detection
 
     def _indices(self, cells: Ints, searches: Flags) -> list[tuple[Any, ...]]:
         """The index of the searched states in each step, given those of `add`."""
@@ -187,18 +199,24 @@ class Window:
         drift: Callable[[Floats, int], Floats],
         where: list[tuple[Any, ...]],
         sign: float,
-    ) -> None:
-        """Remove (sign 1) or add (sign -1) searches, from one end of the window to the other."""
-        more = np.zeros(values.shape[1:])
+    ) -> list[Floats]:
+        """Remove (sign 1) or add (sign -1) searches, from one end of the window to the other.
+
+        Returns the values of the searched states; all others change if they are not read-only.
+        """
+        more, searched = np.zeros(values.shape[1:], values.dtype), []
         for step in steps:
             here = values[step][where[step]]
             if sign < 0.0:
                 here -= more[where[step]]
-            values[step] += sign * more
+            searched.append(here)
+            if values.flags.writeable:
+                values[step] += sign * more
             if step != steps[-1]:
                 more *= self._kept[step]
                 more[where[step]] += self._target.detection * here
                 more = drift(more, step)
+        return searched
 
     def _forward(self, mass: Floats, step: int) -> Floats:
         """The mass, [layer, box, candidate, y, x], one step later."""
@@ -224,5 +242,5 @@ class Window:
 
 def _part(values: Floats, at: Ints) -> Floats:
     """Values (..., N, N) at some indices of their last two axes together, (...)."""
-    part: Floats = values.reshape(*values.shape[:-2], -1).take(at, axis=-1)
+    part: Floats = values.reshape(*values.shape[:-2], -1).take(at, axis=-1).astype(np.float32)
     return part

@@ -39,10 +39,10 @@ EARLY_BONUS = 0.01
 """How much more a find in the first step is worth than one in the last, in the choice of paths; of
 several plans, the one with the largest probability of success wins, without the bonus."""
 
-SECONDS = 20.0
+SECONDS = 60.0
 """The default work for a plan."""
 
-AFTER_FIND = 0.01
+AFTER_FIND = 0.005
 """The work for a plan after a find, as a fraction of that for the first plan."""
 
 INITIAL = (
@@ -129,6 +129,7 @@ class PlannerPolicy(PlannedPolicy):
         missing, ahead = tracker.missing, range(step, step + steps)
         everyone = self.scenario.mission == "rescue" and len(missing) > 1
         alive = np.array([[*map(self.scenario.situation[each].alive, ahead)] for each in missing])
+        alive /= alive.max() or 1.0  # only relative survival matters
         targets = [
             Target(forecasts[person], detections[person], tracker.joint(person), worth * survival)
             for person, survival in zip(missing, alive, strict=True)
