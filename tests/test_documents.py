@@ -23,6 +23,7 @@ from helpers import few_pictures
 from trainer_examples import QUIET_RAY
 
 from DroneSwarmSearch import cli
+from DroneSwarmSearch.planning import bound
 
 ROOT = Path(__file__).parents[1]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -57,6 +58,14 @@ OUTPUT = {
 LONG_PLAN = "whole_steps(45 * 60)"  # in the block of the incident, whose plan takes ten seconds
 BENCH_BRIEFLY = "--rounds 1 --steps 20 --environments 20"
 TIMEOUT = 120.0  # seconds for a command; code blocks with an RL library get five times as long
+
+
+@pytest.fixture(autouse=True)
+def quick_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let bounds take little work: drones without memory, and few iterations."""
+    monkeypatch.setattr(bound, "WORK", 0.0)
+    monkeypatch.setattr(bound, "MOST_WORK", 0.0)
+    monkeypatch.setattr(bound, "ITERATIONS", 20)
 
 
 def path_of(page: Path) -> str:
