@@ -68,7 +68,7 @@ BEFORE = 0.1
 HORIZONS = 12
 """Numbers of steps for which the bound is computed; the others use the next larger one's."""
 
-WORK, MOST_WORK, TRAJECTORIES_TO_MEASURE = 6e6, 5e8, 8192
+WORK, MOST_WORK, TRAJECTORIES_TO_MEASURE = 8e6, 5e8, 8192
 """The most work in an iteration, and for the final bound, estimated from some trajectories."""
 
 MOST_MEMORY = 5
