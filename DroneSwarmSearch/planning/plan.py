@@ -57,7 +57,7 @@ NOISE = 2**18
 """Random factors that are drawn once, and used from a random place on in every trial."""
 
 ENOUGH = 200
-"""The most trials for each step of a plan; more improve small searches no further."""
+"""The most trials for each step of a drone; more improve small searches no further."""
 
 TRIAL_COST, STEP_COST, VALUE_COST = 120e-6, 65e-6, 8e-9
 """The time of a trial, of each of its steps and of each mass of a candidate, in seconds, about."""
@@ -117,7 +117,7 @@ class Plan:
             factors = noises[int(rng.integers(len(noises)))]
             gained, took = self.trial(begin, begin + length, temperature, factors, rng)
             value += gained
-            done += max(took / seconds, 1.0 / (ENOUGH * self._steps))
+            done += max(took / seconds, 1.0 / (ENOUGH * self._steps * len(best)))
             if value > most + 1e-9:
                 most = value
                 best = copy.deepcopy(self.paths)
