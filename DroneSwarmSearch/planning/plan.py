@@ -105,7 +105,8 @@ class Plan:
         noises = [np.exp(strength * noise) for strength in STRENGTHS]
         value = most = self.value()
         best = copy.deepcopy(self.paths)
-        unit = max(value, 1e-9) / (len(best) * self._steps)
+        drone_steps = len(best) * self._steps
+        unit = max(value, 1e-9) / drone_steps
         done = 0.0 if seconds else 1.0
         while done < 1.0:
             report(done)
@@ -117,7 +118,7 @@ class Plan:
             factors = noises[int(rng.integers(len(noises)))]
             gained, took = self.trial(begin, begin + length, temperature, factors, rng)
             value += gained
-            done += max(took / seconds, 1.0 / (ENOUGH * self._steps * len(best)))
+            done += max(took / seconds, 1.0 / (ENOUGH * drone_steps))
             if value > most + 1e-9:
                 most = value
                 best = copy.deepcopy(self.paths)
