@@ -238,7 +238,7 @@ class Incident:
         """Plan the flights of all drones, out, over the area and back.
 
         Args:
-            policy: "planner", which takes half a minute, or "greedy-posterior", which takes a
+            policy: "planner", which takes a minute or two, or "greedy-posterior", which takes a
                 second and finds about as much.
 
         Raises:
