@@ -41,7 +41,7 @@ def best_success(of: NamedSearch) -> float:
         for ahead in range(step, limit - 1):
             later.append(forecast.forward(later[-1], ahead))
         gains = detection * np.array([each.sum(axis=0) for each in later])
-        values = values_to_go(gains, np.zeros_like(gains[0])).reshape(len(gains) + 1, -1)
+        values = values_to_go(gains, np.zeros_like(gains[0]))[0].reshape(len(gains) + 1, -1)
         branches = []
         for actions in product(
             [action for action in Action if action != Action.IDLE], repeat=len(cells)

@@ -66,7 +66,7 @@ def test_drone_paths_gain_as_much_as_the_best_paths() -> None:
     gains = np.random.default_rng(3).random((6, 4, 4))
     starts = [0, 7, 15]
     gained, effort = drone_paths(starts, gains)
-    values = values_to_go(gains, np.zeros((4, 4)))[0].reshape(-1)
+    values = values_to_go(gains, np.zeros((4, 4)))[0, 0].reshape(-1)
     assert gained == pytest.approx(values[starts].sum(), rel=1e-12)
     assert gained == pytest.approx(np.vdot(gains, effort))
     assert effort.sum() <= 18

@@ -11,33 +11,37 @@ from hypothesis import given, settings
 from DroneSwarmSearch.planning.paths import FORBIDDEN, best_paths, values_to_go
 
 Option = tuple[float, list[int], list[bool]]
+Board = tuple[np.ndarray, np.ndarray, np.ndarray, list[list[int]]]
 
 
 def all_paths(
-    gains: np.ndarray, at_end: np.ndarray, blocked: list[list[int]], start: int, step: int = 0
+    board: Board, start: int, step: int = 0, just_searched: bool = False
 ) -> Iterator[Option]:
     """All paths of a drone with their gains: staying first, then left, right, up, down."""
+    gains, again, at_end, blocked = board
     n, size = len(gains), gains.shape[-1]
     y, x = divmod(start, size)
     if step == n:
         yield float(at_end[y, x]), [start], []
         return
-    gain = float(gains[step, y, x])
+    gain = float((again if just_searched else gains)[step, y, x])
     for v, u in ((y, x), (y, x - 1), (y, x + 1), (y - 1, x), (y + 1, x)):
         cell = v * size + u
         if not (0 <= u < size and 0 <= v < size) or cell in blocked[step]:
             continue
-        gained = gain if cell == start else 0.0
-        for more, cells, searches in all_paths(gains, at_end, blocked, cell, step + 1):
+        stays = cell == start
+        gained = gain if stays else 0.0
+        for more, cells, searches in all_paths(board, cell, step + 1, stays):
             yield gained + more, [start, *cells], [gained > 0.0, *searches]
 
 
 @st.composite
-def boards(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, list[list[int]]]:
+def boards(draw: st.DrawFn) -> Board:
     """Gains, final values and blocked cells. Whole numbers make sums exact and ties frequent."""
     size, n = draw(st.integers(2, 3)), draw(st.integers(1, 4))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     gains = rng.integers(0, draw(st.integers(1, 9)) + 1, (n, size, size)).astype(float)
+    again = np.floor(gains * draw(st.sampled_from([0.0, 0.4, 1.0])))
     end = draw(st.sampled_from(["anywhere", "one cell", "varied"]))
     at_end = np.zeros((size, size))
     if end == "one cell":
@@ -47,24 +51,23 @@ def boards(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, list[list[int]]]:
         at_end = rng.integers(0, 5, (size, size)).astype(float)
     most = draw(st.integers(0, 3))
     blocked = [rng.integers(0, size**2, most).tolist() for _ in range(n)]
-    return gains, at_end, blocked
+    return gains, again, at_end, blocked
 
 
 @settings(max_examples=60, derandomize=True)
 @given(boards())
-def test_the_best_path_is_the_first_of_all_best_paths(
-    board: tuple[np.ndarray, np.ndarray, list[list[int]]],
-) -> None:
-    gains, at_end, blocked = board
+def test_the_best_path_is_the_first_of_all_best_paths(board: Board) -> None:
+    gains, again, at_end, blocked = board
     # Two gains at once; the second ones are twice the first.
     both, taken = np.stack([gains, 2.0 * gains], axis=1), [[(..., cells)] for cells in blocked]
-    values = values_to_go(both, at_end, taken)
-    assert values.shape == (len(gains) + 1, 2, *at_end.shape)
+    repeated = np.stack([again, 2.0 * again], axis=1)
+    values = values_to_go(both, at_end, taken, again=repeated)
+    assert values.shape == (2, len(gains) + 1, 2, *at_end.shape)
     starts = np.arange(at_end.size)
-    paths = best_paths(both, values, starts, np.zeros_like(starts))
-    twice = best_paths(both, values, starts, np.ones_like(starts))
-    for start, value in enumerate(values[0, 0].reshape(-1)):
-        options = [it for it in all_paths(gains, at_end, blocked, start) if it[0] > FORBIDDEN]
+    paths = best_paths(both, values, starts, np.zeros_like(starts), again=repeated)
+    twice = best_paths(both, values, starts, np.ones_like(starts), again=repeated)
+    for start, value in enumerate(values[0, 0, 0].reshape(-1)):
+        options = [it for it in all_paths(board, start) if it[0] > FORBIDDEN]
         if not options:
             assert value == FORBIDDEN
             continue
@@ -74,4 +77,13 @@ def test_the_best_path_is_the_first_of_all_best_paths(
         assert paths[1][:, start].tolist() == searches
         if not at_end[np.isfinite(at_end)].any():
             assert twice[0][:, start].tolist() == cells
-            assert values[0, 1].reshape(-1)[start] == 2.0 * gained
+            assert values[0, 0, 1].reshape(-1)[start] == 2.0 * gained
+
+
+@settings(max_examples=20, derandomize=True)
+@given(boards())
+def test_by_default_a_repeated_search_gains_as_much(board: Board) -> None:
+    gains, _, at_end, _ = board
+    values = values_to_go(gains, at_end)
+    np.testing.assert_array_equal(values, values_to_go(gains, at_end, again=gains))
+    np.testing.assert_array_equal(values[0], values[1])

@@ -176,10 +176,10 @@ def drone_paths(starts: Sequence[int], gains: Floats) -> tuple[float, Floats]:
     """The most that the drones can gain, and their searches of each cell; both (n, N, N)."""
     values, effort = values_to_go(gains, np.zeros(gains.shape[1:])), np.zeros_like(gains)
     which = np.zeros(len(starts), np.int64)
-    cells, searches = best_paths(gains[:, None], values[:, None], np.array(starts), which)
+    cells, searches = best_paths(gains[:, None], values[:, :, None], np.array(starts), which)
     step, drone = searches.nonzero()
     np.add.at(effort.reshape(len(effort), -1), (step, cells[step, drone]), 1.0)
-    return float(values[0].reshape(-1)[list(starts)].sum()), effort
+    return float(values[0, 0].reshape(-1)[list(starts)].sum()), effort
 
 
 def _filled(bounds: Mapping[int, float]) -> Floats:

@@ -5,7 +5,8 @@ For gains G[t](c) of searching cell c in step t, the value of being in a cell is
     V[t](c) = max(G[t](c) + V[t+1](c), V[t+1](c'), c' next to c or c itself),
 
 since a drone either searches its cell or moves by one cell in a step (R. Bellman, Dynamic
-Programming, 1957). One pass computes the values of all cells, for drones anywhere.
+Programming, 1957). One pass computes the values of all cells, for drones anywhere. A search right
+after one of the same cell may gain less, so there is a second value of a cell, just searched.
 
 Drones that search in flight take two steps to cross a cell: they search it in one step, which is
 why they *stay*, and may move in the next.
@@ -42,8 +43,11 @@ def values_to_go(
     at_end: Floats,
     blocked: Sequence[Sequence[tuple[Any, ...]]] = (),
     stays: Flags | None = None,
+    again: Floats | None = None,
 ) -> Floats:
-    """The most that a drone can gain from each step and cell on: float64, (n + 1, ..., h, w).
+    """The most that a drone can gain from each step and cell on: shape (2, n + 1, ..., h, w).
+
+    The first values are those of any cell, the second those of the cell that it has just searched.
 
     Args:
         gains: of searching a cell in a step, at least 0: shape (n, ..., h, w), indexed [t, y, x];
@@ -52,29 +56,40 @@ def values_to_go(
         blocked: for each step, the cells y * w + x that a drone must not be in after it, as
             indices of an array of shape (..., h * w); none by default.
         stays: for each step, whether the drone must stay and search; by default, it is free.
+        again: gains of searching a cell directly after a search of it; by default, the same.
     """
     n = len(gains)
-    values = np.empty((n + 1, *gains.shape[1:]), gains.dtype)
-    values[n] = at_end
+    values = np.empty((2, n + 1, *gains.shape[1:]), gains.dtype)
+    values[:, n] = at_end
     flat = values.reshape(*values.shape[:-2], -1)
+    again = gains if again is None else again
     for step in range(n - 1, -1, -1):
         if len(blocked):
             for index in blocked[step]:
-                flat[step + 1][index] = FORBIDDEN
-        ahead, here = values[step + 1], values[step]
+                flat[0, step + 1][index] = flat[1, step + 1][index] = FORBIDDEN
+        (ahead, searched), (here, here_again) = values[:, step + 1], values[:, step]
         # Gains are never negative, so searching is no worse than idling.
-        np.add(gains[step], ahead, out=here)
+        np.add(again[step], searched, out=here_again)
         if stays is not None and stays[step]:
+            np.add(gains[step], searched, out=here)
             continue
-        np.maximum(here[..., 1:, :], ahead[..., :-1, :], out=here[..., 1:, :])
+        here[..., :1, :] = FORBIDDEN
+        here[..., 1:, :] = ahead[..., :-1, :]
         np.maximum(here[..., :-1, :], ahead[..., 1:, :], out=here[..., :-1, :])
         np.maximum(here[..., 1:], ahead[..., :-1], out=here[..., 1:])
         np.maximum(here[..., :-1], ahead[..., 1:], out=here[..., :-1])
+        np.maximum(here_again, here, out=here_again)
+        np.maximum(here, gains[step] + searched, out=here)
     return values
 
 
 def best_paths(
-    gains: Floats, values: Floats, starts: Ints, which: Ints, stays: Flags | None = None
+    gains: Floats,
+    values: Floats,
+    starts: Ints,
+    which: Ints,
+    stays: Flags | None = None,
+    again: Floats | None = None,
 ) -> tuple[Ints, Flags]:
     """Paths that gain as much as possible, given the result of `values_to_go`.
 
@@ -86,6 +101,7 @@ def best_paths(
         starts: the first cell y * w + x of each path: (m,).
         which: the gains that count for each path: (m,).
         stays: as in `values_to_go`.
+        again: as in `values_to_go`.
 
     Returns:
         The cells y * w + x at the beginning and after each step, (n + 1, m), and the steps with a
@@ -95,16 +111,21 @@ def best_paths(
     ahead_of, first = _neighbours(height, width), which * (height * width)
     cells, searches = np.empty((n + 1, len(starts)), np.int64), np.zeros((n, len(starts)), np.bool_)
     cells[0] = here = starts
+    again = gains if again is None else again
+    just_searched = np.zeros(len(starts), np.bool_)
     for step in range(n):
         if stays is not None and stays[step]:
             searches[step] = True
         else:
-            gain = gains[step].take(first + here)
-            options = values[step + 1].take(first + ahead_of[:, here])
-            options[0] += gain
+            place = first + here
+            gain = np.where(just_searched, again[step].take(place), gains[step].take(place))
+            ahead = ahead_of[:, here]
+            options = np.where(ahead == here, FORBIDDEN, values[0, step + 1].take(first + ahead))
+            options[0] = gain + values[1, step + 1].take(place)
             chosen = options.argmax(axis=0)
-            searches[step] = (chosen == 0) & (gain > 0.0)
-            here = ahead_of[chosen, here]
+            just_searched = chosen == 0
+            searches[step] = just_searched & (gain > 0.0)
+            here = ahead[chosen, np.arange(len(here))]
         cells[step + 1] = here
     return cells, searches
 

@@ -59,7 +59,7 @@ NOISE = 2**18
 ENOUGH = 200
 """The most trials for each step of a drone; more improve small searches no further."""
 
-TRIAL_COST, STEP_COST, VALUE_COST = 120e-6, 65e-6, 8e-9
+TRIAL_COST, STEP_COST, VALUE_COST = 130e-6, 75e-6, 9e-9
 """The time of a trial, of each of its steps and of each mass of a candidate, in seconds, about."""
 
 
@@ -173,7 +173,7 @@ class Plan:
             for window in windows[1:]:
                 gains = gains + window.gains(reach)
             if stays is not None:
-                gains[~stays] = 0.0
+                gains[:, ~stays] = 0.0
             many = (steps, count, candidates, reach.height, reach.width)
             some = factors[int(rng.integers(NOISE)) :][: math.prod(many)]
             gains = np.maximum(gains, 0.0) * np.resize(some, many)  # below 0 by rounding errors
@@ -252,26 +252,28 @@ def _best(
     taken: Sequence[Sequence[tuple[Any, ...]]],
     stays: Flags | None,
 ) -> tuple[Ints, Flags, Flags]:
-    """The best paths for some gains, (L, K, m, h, w), see `paths`; and whether each can get there.
+    """The best paths for some gains, see `paths`; and whether each can get there.
 
     Args:
-        gains: for each of m candidates in each of K boxes.
+        gains: for each of m candidates in each of K boxes, also right after a search: shape
+            (2, L, K, m, h, w).
         starts: the first cell of the paths in a box, (K,).
         ends: their last cell, (K,), or -1 if it does not matter.
         taken: for each step, the cells of others after it.
         stays: see `values_to_go`.
     """
-    steps, count, candidates, height, width = gains.shape
+    count, candidates, height, width = gains.shape[2:]
     at_end = np.zeros((count, 1, height * width))
     if np.all(ends >= 0):
         at_end += FORBIDDEN
         at_end[np.arange(count), 0, ends] = 0.0
-    values = values_to_go(gains, at_end.reshape(count, 1, height, width), taken, stays)
-    flat = steps, count * candidates, height, width
-    gains, values = gains.reshape(flat), values.reshape(-1, *flat[1:])
+    at_end = at_end.reshape(count, 1, height, width)
+    values = values_to_go(gains[0], at_end, taken, stays, gains[1])
+    flat = count * candidates, height, width
+    gains, values = gains.reshape(2, -1, *flat), values.reshape(2, -1, *flat)
     starts, which = starts.repeat(candidates), np.arange(count * candidates)
-    cells, searches = best_paths(gains, values, starts, which, stays)
-    possible = values[0].take(which * (height * width) + starts) > FORBIDDEN
+    cells, searches = best_paths(gains[0], values, starts, which, stays, gains[1])
+    possible = values[0, 0].take(which * (height * width) + starts) > FORBIDDEN
     return (
         cells.reshape(-1, count, candidates),
         searches.reshape(-1, count, candidates),

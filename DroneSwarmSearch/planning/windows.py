@@ -131,24 +131,33 @@ class Window:
         return self._gained(found, self._losses, where)[:, 0]
 
     def gains(self, boxes: Boxes) -> Floats:
-        """What one search of each cell gains in each step: (L, K, candidates, h, w).
+        """What one search of each cell gains in each step: (2, L, K, candidates, h, w).
 
-        The cells are those of smaller boxes, each within one of the window.
+        The second gains are those right after a search of the same cell, if as many persons as
+        possible have stayed there. The cells are those of smaller boxes, each within one of the
+        window.
         """
-        gains = self._masses * self._losses
-        gains *= self._target.detection
+        stayed = np.zeros_like(self._masses)
+        np.minimum(self._masses[:-1], self._masses[1:], out=stayed[1:])
+        left = self._masses - self._target.detection * stayed
         y, x = (
             np.arange(boxes.height) + boxes.top[:, None],
             np.arange(boxes.width) + boxes.left[:, None],
         )
         if self._matrices:
             y, x = y - self._top, x - self._left
-            total = gains[:, 0] if gains.shape[1] == 1 else gains.sum(axis=1)
-        else:
-            total = self._target.chain.map(np.moveaxis(gains, 1, -3))
         box = np.arange(len(y))[:, None, None]
-        inner: Floats = total.swapaxes(1, 2)[:, :, box, y[:, :, None], x[:, None]]
-        return inner.swapaxes(1, 2)
+        gains = []
+        for masses in (self._masses, left):
+            each = masses * self._losses
+            each *= self._target.detection
+            if not self._matrices:
+                total = self._target.chain.map(np.moveaxis(each, 1, -3))
+            else:
+                total = each[:, 0] if each.shape[1] == 1 else each.sum(axis=1)
+            inner = total.swapaxes(1, 2)[:, :, box, y[:, :, None], x[:, None]]
+            gains.append(inner.swapaxes(1, 2))
+        return np.array(gains)
 
     def add(self, cells: Ints, searches: Flags, is_last: bool) -> Floats:
         """Add the searches of one drone in each box, by m candidates; returns their gains, (K, m).
