@@ -22,8 +22,10 @@ from small_searches import (
 )
 
 from DroneSwarmSearch.evaluation import NamedSearch
+from DroneSwarmSearch.planning.passes import Passes
 from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.planning.plan import Plan
+from DroneSwarmSearch.planning.windows import Boxes, Window
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
 
@@ -109,6 +111,23 @@ def test_the_gain_of_a_trial_is_exact(
         gained, _ = plan.trial(begin, end, 1e3, np.exp(rng.normal(size=2**18)), rng)
         assert plan.value() - before == pytest.approx(gained, abs=1e-5)  # in float32
         assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
+
+
+@pytest.mark.parametrize("detection", [1.0, 0.6])
+def test_a_repeated_search_gains_what_the_first_has_left(detection: float) -> None:
+    """Exactly, if the person stays; in a window's first step, no search of it comes before."""
+    of = search(
+        [(0, 0)], grid_size=4, person_initial_position=(2, 1), vector=(0, 0),
+        disperse_constant=0, timestep_limit=6, probability_of_detection=detection,
+    )  # fmt: skip
+    (target,) = targets_of(of, worth=np.ones(6))
+    passes = Passes(target, 0, random_paths(of, 6, 0))
+    everywhere = Boxes(np.array([0]), np.array([0]), 4, 4, 4)
+    gains, again = Window(passes, 2, 3, everywhere).gains(everywhere)
+    assert gains.shape == (3, 1, 1, 4, 4)
+    assert gains[0, 0, 0, 1, 2] > 0.0
+    np.testing.assert_allclose(again[0], gains[0])
+    np.testing.assert_allclose(again[1:], (1.0 - detection) * gains[1:], rtol=1e-6)
 
 
 def test_a_path_meets_the_person_as_early_as_possible() -> None:
