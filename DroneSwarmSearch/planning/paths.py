@@ -2,11 +2,11 @@
 
 For gains G[t](c) of searching cell c in step t, the value of being in a cell is
 
-    V[t](c) = max(G[t](c) + V[t+1](c), V[t+1](c'), c' next to c or c itself),
+    V[t](c) = max(G[t](c) + V[t+1](c), V[t+1](c'), c' next to c),
 
 since a drone either searches its cell or moves by one cell in a step (R. Bellman, Dynamic
-Programming, 1957). One pass computes the values of all cells, for drones anywhere. A search right
-after one of the same cell may gain less, so there is a second value of a cell, just searched.
+Programming, 1957). One pass computes the values of all cells, for drones anywhere. A search may
+gain less right after one of the same cell, so there is a second value, of a cell just searched.
 
 Drones that search in flight take two steps to cross a cell: they search it in one step, which is
 why they *stay*, and may move in the next.
@@ -47,7 +47,7 @@ def values_to_go(
 ) -> Floats:
     """The most that a drone can gain from each step and cell on: shape (2, n + 1, ..., h, w).
 
-    The first values are those of any cell, the second those of the cell that it has just searched.
+    The first values are for a drone that has just moved, the second for one that has just searched.
 
     Args:
         gains: of searching a cell in a step, at least 0: shape (n, ..., h, w), indexed [t, y, x];
@@ -68,7 +68,7 @@ def values_to_go(
             for index in blocked[step]:
                 flat[0, step + 1][index] = flat[1, step + 1][index] = FORBIDDEN
         (ahead, searched), (here, here_again) = values[:, step + 1], values[:, step]
-        # Gains are never negative, so searching is no worse than idling.
+        # A drone that waits searches, since gains are never negative.
         np.add(again[step], searched, out=here_again)
         if stays is not None and stays[step]:
             np.add(gains[step], searched, out=here)

@@ -13,11 +13,11 @@ A plan improves by simulated annealing (S. Kirkpatrick, C. D. Gelatt, M. P. Vecc
 1983) in large neighbourhoods (P. Shaw, CP 1998). A trial replaces a few steps of a drone's path, or
 of two drones' that are near each other. These may exchange the rest of their paths, since all
 drones are equal. The candidates are the best paths for randomly distorted gains, and the old path.
-Given gains do not know the path itself, but a search right after one of the same cell gains only
-what that has left. The value V of each candidate is computed (`windows`), and one is drawn with a
-probability proportional to exp(V / temperature), a heat bath. Trials go through time back and
-forth, so that the passes need little updating. No two drones are ever in one cell: each avoids the
-cells where the others will be.
+The gains ignore a path's own searches, except that one right after another of the same cell gains
+only what that has left. The value V of each candidate is computed (`windows`), and one is drawn
+with a probability proportional to exp(V / temperature), a heat bath. Trials go through time back
+and forth, so that the passes need little updating. No two drones are ever in one cell: each avoids
+the cells where the others will be.
 """
 
 from __future__ import annotations

@@ -139,25 +139,21 @@ class Window:
         """
         stayed = np.zeros_like(self._masses)
         np.minimum(self._masses[:-1], self._masses[1:], out=stayed[1:])
-        left = self._masses - self._target.detection * stayed
+        gains = np.array([self._masses, self._masses - self._target.detection * stayed])
+        gains *= self._losses
+        gains *= self._target.detection
         y, x = (
             np.arange(boxes.height) + boxes.top[:, None],
             np.arange(boxes.width) + boxes.left[:, None],
         )
         if self._matrices:
             y, x = y - self._top, x - self._left
+            total = gains[:, :, 0] if gains.shape[2] == 1 else gains.sum(axis=2)
+        else:
+            total = self._target.chain.map(np.moveaxis(gains, 2, -3))
         box = np.arange(len(y))[:, None, None]
-        gains = []
-        for masses in (self._masses, left):
-            each = masses * self._losses
-            each *= self._target.detection
-            if not self._matrices:
-                total = self._target.chain.map(np.moveaxis(each, 1, -3))
-            else:
-                total = each[:, 0] if each.shape[1] == 1 else each.sum(axis=1)
-            inner = total.swapaxes(1, 2)[:, :, box, y[:, :, None], x[:, None]]
-            gains.append(inner.swapaxes(1, 2))
-        return np.array(gains)
+        inner: Floats = total.swapaxes(2, 3)[..., box, y[:, :, None], x[:, None]]
+        return inner.swapaxes(2, 3)
 
     def add(self, cells: Ints, searches: Flags, is_last: bool) -> Floats:
         """Add the searches of one drone in each box, by m candidates; returns their gains, (K, m).
