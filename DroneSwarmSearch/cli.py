@@ -111,7 +111,7 @@ write episodes of a search as JSON, to play them in a browser
 
 Write the episodes of some policies on a search as JSON: actions, persons,
 probability of success, returns, prior and posterior of every step. The page
-"Play a search" of the documentation plays such files; `evaluation.export`
+"Watch searches" of the documentation plays such files; `evaluation.export`
 documents their format.
 
 examples:

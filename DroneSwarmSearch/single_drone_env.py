@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
@@ -82,6 +84,7 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
                 "vectorization_mode='vector_entry_point'"
             )
         self.render_mode = render_mode
+        self._spec: EnvSpec | None = None
         env: Any = self.search
         if checks.boolean("separate_flags", separate_flags):
             env = SeparateFlags(env)
@@ -97,6 +100,15 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         [self._drone] = self.search.possible_agents
         self.observation_space = self._env.observation_space(self._drone)
         self.action_space = self._env.action_space(self._drone)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What `gymnasium.make` sets, with the time limit of the search as `max_episode_steps`."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = spec and replace(spec, max_episode_steps=self.search.timestep_limit)
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None

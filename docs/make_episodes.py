@@ -1,4 +1,4 @@
-"""Make the episodes that the page "Play a search" shows, in `docs/static/episodes`.
+"""Make the episodes that the page "Watch searches" shows, in `docs/static/episodes`.
 
     python docs/make_episodes.py
 

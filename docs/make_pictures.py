@@ -12,36 +12,27 @@ import re
 import shlex
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 import pygame
 from PIL import Image
 
 from DroneSwarmSearch import cli
-from DroneSwarmSearch.evaluation import NamedSearch, View, record, search
-from DroneSwarmSearch.evaluation.recording import play
-from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.policies import POLICIES, make
+from DroneSwarmSearch.evaluation import record
 from DroneSwarmSearch.rendering import sprites
-from DroneSwarmSearch.rendering.film import Film
-from DroneSwarmSearch.rendering.video import write_pictures
 
 ROOT = Path(__file__).parents[1]
 IMAGES = ROOT / "docs" / "images"
 
-# The gallery.
-
-SEARCH = "gale"
-SHOWN = [policy for policy in POLICIES if policy != "random"]
-
-WIDTH, FPS, STRIDE = 270, 8.0, 4
-"""Width of a video in pixels, pictures per second, and steps from one picture to the next."""
-
-LEVELS = 10
-"""Shades of the map; with fewer, fewer cells change from picture to picture."""
+FILMS = {
+    "gale": ("greedy-forecast", 3),
+    "eddy": ("imitation", 3),
+    "coast": ("greedy-forecast", 5),
+    "fleet": ("greedy-posterior", 4),
+    "wreck": ("imitation", 2),
+}
+"""The searches of the gallery: the policy and the seed of an episode that ends with a find."""
 
 STORY = (
     "A passenger fell from a ferry 25 minutes ago. "
@@ -62,29 +53,9 @@ def video() -> None:
 
 
 def gallery() -> None:
-    """Record the same search with each policy, without finding anybody."""
-    where = search(SEARCH)
-    where = replace(where, scenario=where.scenario.replace(mission="coverage"))
-    played = {policy: frames(policy, where) for policy in SHOWN}
-    every = [frame for each in played.values() for frame in each]  # so that all are cropped alike
-    for policy, each in played.items():
-        film = Film(every, title=policy, width=WIDTH)
-        path = IMAGES / f"gallery-{policy}.gif"
-        write_pictures(path, map(film.pixels, each), fps=FPS, hold=3.0)
-
-
-def frames(policy: str, where: NamedSearch) -> list[Frame]:
-    """The frames that a video of the gallery shows."""
-    return [
-        replace(
-            frame,
-            matrix=np.rint(frame.matrix / frame.matrix.max() * LEVELS).astype(np.float32),
-            ending=None,
-            scale=where.scale,
-        )
-        for frame, _ in play(make(policy, where.scenario), where, 0, View("swarm"))
-        if frame.step % STRIDE == 0 or frame.ending is not None
-    ]
+    """Record a search of each kind."""
+    for name, (policy, seed) in FILMS.items():
+        record(policy, name, IMAGES / f"gallery-{name}.gif", seed=seed, fps=16.0)
 
 
 def plan() -> None:

@@ -241,7 +241,8 @@ def main() -> None:
     except KeyboardInterrupt:
         raise SystemExit("\ninterrupted: --resume continues from the last update") from None
     if (curve := options.out / "curve.csv").exists():
-        training.plot_curve(curve, baselines=baselines(random_searches(50)))
+        title = "Random searches, such as those of the training"
+        training.plot_curve(curve, baselines=baselines(random_searches(50)), title=title)
     print(f'\nOn the search "{TEST_SEARCH}", which is not part of the training:')
     training.compare_with_baselines(
         f"{relpath(__file__)}:Trained:{options.out / 'checkpoint.pt'}",

@@ -214,7 +214,7 @@ class TestOptions:
         assert cli.main(["play", str(tmp_path / "raft.json"), "--text"]) == 0
         captured = capsys.readouterr()
         assert captured.err == ""
-        assert captured.out.startswith("raft: PIW-1 at 54.1800° N, 7.8500° E, 2026-03-01 05:30 UTC")
+        assert captured.out.startswith("raft: PIW-1 at 54°10.8'N 007°51.0'E, 2026-03-01 05:30 UTC")
         summary = figures(captured.out)
         metres, seconds = re.findall(r"[\d.]+", summary["scale"])
         assert float(metres) == pytest.approx(2 * 20 * float(seconds), rel=0.01)

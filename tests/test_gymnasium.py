@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import RecordEpisodeStatistics
 from helpers import plain
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.single_drone_env import SingleDroneEnv
@@ -181,6 +181,19 @@ def test_options_and_parameters_are_those_of_the_environment() -> None:
     assert uncertain.unwrapped.search.scenario.persons == tuple(persons)
     with pytest.raises(ValueError, match=r"drones_positions\[0\]"):
         env.reset(options={"drones_positions": [(9, 9)]})
+
+
+def test_wrappers_read_the_time_limit_and_nothing_enforces_it_again() -> None:
+    env = gymnasium.make(ID, timestep_limit=9)
+    assert env.spec is not None and env.spec.max_episode_steps == 9
+    assert "TimeLimit" not in str(env)
+    aware = gymnasium.wrappers.TimeAwareObservation(env, normalize_time=False)
+    aware.reset(seed=0, options={"drones_positions": [(0, 0)]})
+    for step in range(1, 10):
+        observation, _, terminated, truncated, info = aware.step(Action.SEARCH)
+        assert observation[-1] == step and not terminated
+        assert truncated == (step == 9)
+    assert info["ending"] == Ending.TIME_LIMIT
 
 
 def test_success_and_statistics_are_reported() -> None:

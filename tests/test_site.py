@@ -212,7 +212,7 @@ def test_the_theme_can_be_chosen(browser, address):
     browser.execute_script("localStorage.clear()")
 
 
-# The page "Play a search".
+# The page "Watch searches".
 
 # The state of the player, for tests: ready, search, step, playing.
 PLAY = "document.getElementById('player').dataset"

@@ -7,6 +7,7 @@ import re
 import sys
 import tempfile
 import time
+import warnings
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
@@ -273,6 +274,53 @@ def test_diffusivity_is_a_random_walk_until_an_element_strands(tmp_path: Path) -
     assert read(path).positions.std() < 1e-3
 
 
+RELEASED = [[NOWHERE] * hours + [*DRIFTING[hours:]] for hours in (0, 1, 1, 2)]
+
+
+def test_elements_released_over_some_hours(tmp_path: Path) -> None:
+    """By default, the search begins when all elements are adrift; the message names that time."""
+    path = write(tmp_path / "a.nc", RELEASED)
+    tracks = read(path)
+    assert (tracks.steps, len(tracks), tracks.lost) == (60, 4, 0)
+    assert tracks == read(path, start=NOON + timedelta(hours=2))
+    assert "from 2026-06-01T14:00:00+00:00" in repr(tracks)
+    assert Tracks.from_dict(tracks.to_dict()) == tracks
+    with pytest.raises(ValueError, match=r"start at 2026-06-01 14:00:00\+00:00, when all are adr"):
+        read(path, start=NOON)
+    with pytest.raises(ValueError, match=r"adrift from 2026-06-01 14:00:00\+00:00\), got start=N"):
+        read(path, steps=120)
+
+
+def test_times_less_precise_than_a_step(tmp_path: Path) -> None:
+    """As float32, seconds since 1970 are multiples of 128 s."""
+    path = write(tmp_path / "a.nc", [DRIFTING])
+    seconds = NOON.timestamp() + HOURS
+    for dtype, step, warns in (("f4", 60, True), ("f4", 600, False), ("f8", 60, False)):
+        with nc.Dataset(path, "w") as data:
+            data.createDimension("trajectory", 1)
+            data.createDimension("time", 4)
+            data.createVariable("time", dtype, ("time",))[:] = seconds
+            data["time"].units = "seconds since 1970-01-01"
+            for name, degrees in zip(("lon", "lat"), np.array(DRIFTING).T, strict=True):
+                data.createVariable(name, "f8", ("trajectory", "time"))[:] = degrees[None]
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            read(path, scale=Scale(200, step))
+        texts = [str(each.message) for each in caught]
+        assert [
+            f"keeps times as float32, to 128 s only, and a step takes {step} s" in each
+            for each in texts
+        ] == [True] * warns
+
+
+def test_latitude_and_longitude_exchanged(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.nc", np.array([DRIFTING])[..., ::-1])
+    with pytest.warns(UserWarning, match="no track of .* comes within .* exchanged, here or in"):
+        read(path)
+    far = write(tmp_path / "b.nc", [track(4.8, 4.81)] + [track(9.0, 9.01)] * 20, HOURS[:2])
+    read(far)  # one comes near
+
+
 # Bad input.
 
 NAIVE = datetime(2026, 6, 1, 12)
@@ -339,6 +387,19 @@ def without(*names: str) -> Any:
     return make
 
 
+def ragged(path: Path) -> None:
+    """Two elements of two and three observations, as a contiguous ragged array of CF."""
+    with nc.Dataset(path, "w") as data:
+        data.createDimension("trajectory", 2)
+        data.createDimension("obs", 5)
+        data.createVariable("trajectory", "i4", ("trajectory",))[:] = [1, 2]
+        counts = data.createVariable("rowSize", "i4", ("trajectory",))
+        counts.sample_dimension, counts[:] = "obs", [2, 3]
+        for name, values in (("time", [0, 1, 0, 1, 2]), ("lon", range(5)), ("lat", range(5))):
+            data.createVariable(name, "f8", ("obs",))[:] = values
+        data["time"].units = "hours since 2026-06-01"
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -349,14 +410,33 @@ def without(*names: str) -> Any:
             "must be a NetCDF file, got another",
         ),
         (lambda path: nc.Dataset(path, "w").close(), "longitude, latitude and time, .*none"),
-        (without("lon"), "the standard names longitude, latitude and time, .*: KeyError"),
+        (without("lon"), "standard names longitude, latitude and time, .*got lat.time., time"),
         (without("time"), "the standard names longitude, latitude and time"),
-        (damaged, "longitude, latitude and time, .* got lat, time, lon: RuntimeError"),
+        (damaged, r"longitude, latitude and time, .* got lat\(time\), time\(time\), lon\("),
         (without(), "for many elements at common times"),  # one trajectory, without a dimension
-        (lambda path: write(path, MANY, units=None), "common times .* got time, lon, lat: Attr"),
-        (lambda path: write(path, MANY, units="s"), "common times of the usual calendar, got"),
-        (lambda path: write(path, MANY, calendar="360_day"), "the usual calendar, got"),
-        (lambda path: write(path, MANY, HOURS[::-1]), "start and steps must lie within"),
+        (
+            lambda path: write(path, MANY, units=None),
+            "common times .* got time.*, times in no units$",
+        ),
+        (
+            lambda path: write(path, MANY, units="s"),
+            "common times of the usual calendar .*, times in s$",
+        ),
+        (lambda path: write(path, MANY, calendar="360_day"), "the usual calendar .*, times in sec"),
+        (
+            lambda path: write(path, MANY, HOURS[::-1]),
+            "must have times that increase, .*, got 2026-06-01 14:00:00.00:00 after 2026-06-01 "
+            "15:00:00.00:00: a simulation backward in time$",
+        ),
+        (
+            lambda path: write(path, MANY, HOURS[[0, 1, 1, 3]]),
+            "got .* 13:00.* after .* 13:00[^a-z]*$",
+        ),
+        (
+            lambda path: write(path, MANY, HOURS[[0, 2, 1, 3]]),
+            "got .* 13:00.* after .* 14:00[^a-z]*$",
+        ),
+        (ragged, r"ragged arrays, with .* got trajectory.*, lon\(obs\), lat\(obs\), times in h"),
         (
             lambda path: write(path, [[*DRIFTING[:3], NOWHERE]] * 3 + MANY),
             "must lose at most 10% of its elements before the last step but for stranding, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,9 @@ Pair = tuple[float, float]
 USUAL = {"lon": "longitude", "lat": "latitude"}
 """Names of variables without a standard name."""
 
+FARTHEST = 200
+"""Cells from the given cell; if no track comes nearer, the position is probably a mistake."""
+
 
 def positions(
     path: Path,
@@ -28,30 +32,42 @@ def positions(
     steps: int | None,
     diffusivity: float,
     seed: int,
-) -> tuple[Floats, int, int]:
-    """The positions at the search's steps, (steps + 1, P, 2), and how many strand and are lost.
+) -> tuple[Floats, int, int, datetime | None]:
+    """The positions at the search's steps, (steps + 1, P, 2); how many strand; how many are lost.
+
+    The last value is when all elements are adrift for the first time; None: from the beginning.
 
     Between the file's times they are interpolated. See `Tracks.read` for the arguments.
     """
-    degrees, seconds, stranded = _read(path)
-    begin = seconds[0] if start is None else datetime.fromisoformat(start).timestamp()
+    degrees, seconds, stranded = _read(path, scale.seconds_per_step)
+    known = np.isfinite(degrees[0])
+    released = seconds[known[:, known.any(axis=0)].argmax(axis=0).max(initial=0)]
+    begin = released if start is None else datetime.fromisoformat(start).timestamp()
     covered = int((seconds[-1] - begin) / scale.seconds_per_step + 1e-9)
     if not seconds[0] <= begin or covered < (steps or 1):
-        first, last = (datetime.fromtimestamp(each, timezone.utc) for each in seconds[[0, -1]])
         raise ValueError(
-            f"start and steps must lie within the times of {path}, {first} to {last}, got "
+            f"start and steps must lie within the times of {path}, {_utc(seconds[0])} to "
+            f"{_utc(seconds[-1])} (all elements are adrift from {_utc(released)}), got "
             f"start={start} and steps={steps} of {scale.seconds_per_step:g} s"
         )
     times: Any = begin + scale.seconds_per_step * np.arange((steps or covered) + 1)
     longitude, latitude = degrees
     metres = TangentPlane(*origin).metres(latitude, longitude)
     cells = metres * (1, -1) / scale.metres_per_cell + cell
+    nearest = np.nanmin(np.abs(cells - cell).max(axis=2), initial=np.inf)
+    if FARTHEST < nearest < np.inf:
+        warnings.warn(
+            f"no track of {path} comes within {nearest:.0f} cells of cell={cell}, the position "
+            f"origin={origin}: are latitude and longitude exchanged, here or in the file?",
+            stacklevel=3,
+        )
     tracks, adrift, lost = _tracked(cells, seconds, times, stranded)
     if diffusivity:
         deviation, shape = np.sqrt(scale.diffusion(diffusivity)), tracks[1:].shape
         moves = np.random.default_rng(seed).normal(0.0, deviation, shape) * adrift[:-1, :, None]
         tracks[1:] += moves.cumsum(axis=0)
-    return tracks, int(np.sum(~adrift[-1])), lost
+    is_later = released > seconds[0]
+    return tracks, int(np.sum(~adrift[-1])), lost, _utc(released) if is_later else None
 
 
 def first_known(path: Path) -> tuple[Pair, datetime]:
@@ -61,11 +77,18 @@ def first_known(path: Path) -> tuple[Pair, datetime]:
     longitude, latitude = np.radians(degrees[:, known])
     middle = np.nanmean(np.exp(1j * longitude))  # also at the date line
     position = np.degrees([np.nanmean(latitude), np.angle(middle)]).tolist()
-    return (position[0], position[1]), datetime.fromtimestamp(seconds[known], timezone.utc)
+    return (position[0], position[1]), _utc(seconds[known])
 
 
-def _read(path: Path) -> tuple[Floats, Floats, Flags]:
-    """Longitudes and latitudes (2, times, P), the times in seconds since 1970, and who strands."""
+def _utc(seconds: float) -> datetime:
+    return datetime.fromtimestamp(seconds, timezone.utc)
+
+
+def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
+    """Longitudes and latitudes (2, times, P), the times in seconds since 1970, and who strands.
+
+    Warns if the file keeps times less precisely than a step, in seconds.
+    """
     try:
         import netCDF4
     except ImportError as error:
@@ -85,12 +108,16 @@ def _read(path: Path) -> tuple[Floats, Floats, Flags]:
             longitude, latitude, time = (named[key] for key in ("longitude", "latitude", "time"))
             (when,) = time.dimensions
             across = longitude.dimensions.index(when)
-            # CF times have no zone, which means UTC.
-            calendar = getattr(time, "calendar", "standard")
-            dates: Any = netCDF4.num2date(time[:], time.units, calendar, False, True)
-            seconds = [
-                each.replace(tzinfo=timezone.utc).timestamp() for each in np.ma.filled(dates)
-            ]
+            seconds = _since_1970(time[:], time)
+            if time.dtype.kind == "f":
+                last = np.abs(time[:]).max()
+                ends = np.array([last, last + np.spacing(last)], np.float64)
+                if (precision := np.diff(_since_1970(ends, time))[0]) > step:
+                    warnings.warn(
+                        f"{path} keeps times as {time.dtype}, to {precision:.0f} s only, and a "
+                        f"step takes {step:g} s: save them as float64 or as integers",
+                        stacklevel=4,
+                    )
             both = [each[:].astype(np.float64) for each in (longitude, latitude)]
             filled = [np.ma.filled(each, np.nan) for each in both]
             degrees: Floats = np.stack(filled).transpose(0, across + 1, 2 - across)
@@ -100,13 +127,31 @@ def _read(path: Path) -> tuple[Floats, Floats, Flags]:
             if "stranded" in meanings and status.dimensions == longitude.dimensions:
                 code = np.atleast_1d(status.flag_values)[meanings.index("stranded")]
                 stranded = np.any(np.ma.getdata(status[:]) == code, axis=across)
-        except (AttributeError, KeyError, RuntimeError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, RuntimeError, TypeError, ValueError):
+            got = ", ".join(f"{k}({', '.join(v.dimensions)})" for k, v in data.variables.items())
+            units = getattr(named.get("time"), "units", "no units")
             raise ValueError(
                 f"{path} must have variables with the standard names longitude, latitude and time, "
-                "for many elements at common times of the usual calendar, "
-                f"got {', '.join(data.variables) or 'none'}: {error!r}"
+                "for many elements at common times of the usual calendar (time along one "
+                "dimension, the others along it and one for the elements; ragged arrays, with all "
+                f"elements along one, must be converted), got {got or 'none'}, times in {units}"
             ) from None
-    return degrees, np.array(seconds), stranded
+    if len(back := np.flatnonzero(np.diff(seconds) <= 0)):
+        before, after = (_utc(each) for each in seconds[back[0] :][:2])
+        raise ValueError(
+            f"{path} must have times that increase, because tracks run forward, got {after} after "
+            f"{before}" + ": a simulation backward in time" * (len(back) == len(seconds) - 1)
+        )
+    return degrees, seconds, stranded
+
+
+def _since_1970(values: Any, time: Any) -> Floats:
+    """Values of the variable `time` in seconds since 1970; CF times have no zone, so mean UTC."""
+    import netCDF4
+
+    calendar = getattr(time, "calendar", "standard")
+    dates: Any = netCDF4.num2date(values, time.units, calendar, False, True)
+    return np.array([each.replace(tzinfo=timezone.utc).timestamp() for each in np.ma.filled(dates)])
 
 
 def _tracked(

@@ -106,6 +106,8 @@ class Tracks:
         text += f", {self.stranded:,} stranded" * (self.stranded > 0)
         text += f", {self.lost:,} lost and left out" * (self.lost > 0)
         low, high = self.positions.min(axis=(0, 1)), self.positions.max(axis=(0, 1))
+        if self.source and self.source.get("start"):
+            text += f", from {self.source['start']}"
         ranges = zip("xy", low, high, strict=True)
         text += "".join(f", {name} {first:.1f} to {last:.1f}" for name, first, last in ranges)
         return f"<Tracks: {text}>"
@@ -241,7 +243,8 @@ class Tracks:
             scale: the size of cells and the duration of steps.
             origin: the position (latitude, longitude) in degrees of the middle of `cell`.
             cell: a cell (x, y) of the grid; north is up.
-            start: when the search begins, with its time zone; by default the file's first time.
+            start: when the search begins, with its time zone; by default the file's first time at
+                which all elements are adrift.
             steps: the number of steps; by default as many as the file covers.
             diffusivity: of the turbulent sea in m²/s, if the simulation had none, as OpenDrift's
                 Leeway model by default: a random walk of variance 2 K t along each axis is added
@@ -275,14 +278,19 @@ class Tracks:
                 "diffusivity": checks.real("diffusivity", diffusivity, 0),
                 "seed": checks.integer("seed", seed, 0),
             }
-            positions, stranded, lost = track_files.positions(Path(path), scale, **arguments)
-            released = lost + positions.shape[1]
-            if lost > MOST_LOST * released:
+            positions, stranded, lost, released = track_files.positions(
+                Path(path), scale, **arguments
+            )
+            elements = lost + positions.shape[1]
+            if lost > MOST_LOST * elements:
+                later = f"start at {released}, when all are adrift" if released else "start later"
                 raise ValueError(
                     f"{path} must lose at most {MOST_LOST:.0%} of its elements before the last "
-                    f"step but for stranding, got {lost:,} of {released:,}: simulate a larger "
-                    "area, start later or take fewer steps"
+                    f"step but for stranding, got {lost:,} of {elements:,}: simulate a larger "
+                    f"area, {later} or take fewer steps"
                 )
+            if released and start is None:
+                arguments["start"] = released.isoformat()
             tracks = cls(positions)
             tracks.stranded, tracks.lost = stranded, lost
             arguments["scale"] = [scale.metres_per_cell, scale.seconds_per_step]

@@ -13,6 +13,7 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.files import write_bytes
 from DroneSwarmSearch.evaluation.plots import STYLES
+from DroneSwarmSearch.incident import units
 from DroneSwarmSearch.rendering.palette import INK, drone_colour, readable_on
 
 if TYPE_CHECKING:
@@ -170,7 +171,7 @@ def _graticule(axes: Any, locate: Any) -> None:
         span = last - first
         step = STEPS[STEPS.searchsorted(span / 6)]
         minutes = np.arange(np.ceil((first + span / 20) / step), (last - span / 20) / step) * step
-        names = [_degrees(each, letters) for each in minutes]
+        names = [units.minutes(each, letters) for each in minutes]
         axis.set_ticks(np.interp(minutes, (first, last), cells), names)
     axes.tick_params(axis="y", labelrotation=90)
 
@@ -209,10 +210,3 @@ def _level(mass: Floats, share: float) -> float:
 def _between(track: Floats, times: Any, at: Any) -> Floats:
     """The points of a track at other times, (n, 2)."""
     return np.stack([np.interp(at, times, each) for each in track.T], axis=-1)
-
-
-def _degrees(minutes: float, letters: str) -> str:
-    """A latitude or longitude in minutes as degrees and decimal minutes."""
-    minutes = (minutes + 10800) % 21600 - 10800
-    whole, rest = divmod(round(10 * abs(minutes)), 600)
-    return f"{whole}° {rest / 10:04.1f}' {letters[int(minutes < 0)]}"

@@ -6,12 +6,27 @@ import argparse
 import textwrap
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch import leeway
+from DroneSwarmSearch.incident import units
 from DroneSwarmSearch.incident.flight_plan import POLICIES, QUICK, FlightPlan
-from DroneSwarmSearch.incident.report import Incident
+from DroneSwarmSearch.incident.report import Incident, Pair
+
+READERS: dict[str, Callable[[str], Any]] = {
+    "position": units.position,
+    "base": units.position,
+    "wind": lambda text: _flow(leeway.wind_from, text),
+    "current": lambda text: _flow(leeway.current_towards, text),
+    "speed": partial(units.quantity, units=units.SPEED),
+    "endurance": partial(units.quantity, units=units.TIME),
+    **dict.fromkeys(
+        ("position_sd", "swath", "altitude"), partial(units.quantity, units=units.LENGTH)
+    ),
+}
+"""How the words of options become values; the words may be apart, as in 25 kn."""
 
 MINUTES = 5, 10, 20, 30, 45, 60, 90, 120
 
@@ -22,22 +37,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "%(prog)s --position LAT LON --time UTC\n"
         "           --object CLASS --wind DEGREES SPEED --out DIR [options]"
     )
-    place: Any = {"metavar": ("LAT", "LON"), "nargs": 2, "type": float}
-    flow: Any = {"metavar": ("DEGREES", "SPEED"), "nargs": 2}
-    speed = _quantity(kn=leeway.KNOT, **{"m/s": 1.0, "km/h": 1 / 3.6})
-    length, time = _quantity(nm=1852.0, km=1000.0, m=1.0), _quantity(min=60.0, h=3600.0, s=1.0)
+    place: Any = {"metavar": ("LAT", "LON"), "nargs": "+"}
+    flow: Any = {"metavar": ("DIRECTION", "SPEED"), "nargs": "+"}
+    unit: Any = {"nargs": "+"}
 
     def add(name: str, about: str, value: str | None = None, **options: object) -> None:
         kinds: dict[str, object] = {"dest": value, **options} if value else options
         group.add_argument(name, help=about, **kinds)  # type: ignore[arg-type]
 
-    parser.set_defaults(flow_speed=speed)
     group = parser.add_argument_group("the incident")
-    add("--position", "last known, in degrees: 54.18 7.85, or -33.9 -53.1", **place)
-    add("--error", "its standard deviation along each axis (926m)", "position_sd", type=length)
+    add("--position", "last known, 54.18 7.85, or 54-10.8N 007-51.0E", **place)
+    add(
+        "--error",
+        "its standard deviation along each axis (926m)",
+        "position_sd",
+        metavar="LENGTH",
+        **unit,
+    )
     add("--time", "when they were there: 2026-03-01T05:30Z")
     add("--object", "a key of leeway.CLASSES, such as PIW-1", "object_class", metavar="CLASS")
-    add("--wind", "where it comes from, and its speed: 300 25kn, or 300 12.9m/s", **flow)
+    add("--wind", "where it comes from, and its speed: 300 25kn, or NW 12.9m/s", **flow)
     add("--current", "where it flows to, and its speed: 160 0.5kn (none)", **flow)
     add("--tracks", "of a drift simulation, in place of object and wind", metavar="FILE")
     add("--incident", "a file incident.json; other options replace its values", metavar="FILE")
@@ -47,13 +66,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--start", "first take-off (an hour after --time; with --after, half an hour after landing)"
     )
     add("--drones", "how many (3)", type=int, metavar="N")
-    add("--speed", "over the ground (20m/s)", type=speed)
-    add("--swath", "width of the strip that a drone sees (200m)", type=length)
+    add("--speed", "over the ground (20m/s)", **unit)
+    add("--swath", "width of the strip that a drone sees (200m)", **unit)
     about = "probability that it finds a person in the strip (0.8)"
     add("--detection", about, "probability_of_detection", type=float, metavar="P")
-    add("--endurance", "from take-off to landing (45min)", type=time)
+    add("--endurance", "from take-off to landing (45min)", **unit)
     add("--base", "where they take off and land (the last known position)", **place)
-    add("--altitude", "of the flight (100m)", type=length)
+    add("--altitude", "of the flight (100m)", **unit)
     group = parser.add_argument_group("the plan")
     add("--policy", f"{' or '.join(POLICIES)} ({POLICIES[0]})", choices=POLICIES, default="planner")
     add("--out", "the folder to write", metavar="DIR", type=Path, required=True)
@@ -70,15 +89,13 @@ def run(options: argparse.Namespace) -> None:
 
 def _incident(options: argparse.Namespace) -> Incident:
     """The incident that the options describe."""
-    for name, of in (("wind", leeway.wind_from), ("current", leeway.current_towards)):
-        given = getattr(options, name)
-        if given is not None:
+    for name, read in READERS.items():
+        if words := getattr(options, name):
             try:
-                setattr(options, name, of(float(given[0]), options.flow_speed(given[1])))
-            except (argparse.ArgumentTypeError, ValueError) as error:
-                raise ValueError(
-                    f"--{name} must be DEGREES SPEED, such as 300 25kn: {error}"
-                ) from None
+                setattr(options, name, read(" ".join(words)))
+            except ValueError as error:
+                option = {"position_sd": "error"}.get(name, name)
+                raise ValueError(f"--{option}: {error}") from None
     values = {each.name: getattr(options, each.name, None) for each in fields(Incident)}
     given = {name: value for name, value in values.items() if value is not None}
     if options.after is not None:
@@ -88,6 +105,12 @@ def _incident(options: argparse.Namespace) -> Incident:
     if options.incident is not None:
         return replace(_read(Path(options.incident)), **given)
     return Incident(**given)
+
+
+def _flow(of: Callable[[float, float], Pair], text: str) -> Pair:
+    """A wind or current from a direction and a speed."""
+    degrees, _, speed = text.partition(" ")
+    return of(units.direction(degrees), units.quantity(speed, units.SPEED))
 
 
 def _read(path: Path) -> Incident:
@@ -130,19 +153,3 @@ def summary(plan: FlightPlan) -> str:
         f"{layout.grid.scale.metres_per_cell:.0f} m.",
     ]
     return "\n".join(textwrap.fill(line, 79) for line in lines if line)
-
-
-def _quantity(**units: float) -> Callable[[str], float]:
-    """Reads a number with one of some units, the longest ones first, into SI units."""
-
-    def read(text: str) -> float:
-        for unit, factor in units.items():
-            number = text.removesuffix(unit)
-            if number != text:
-                try:
-                    return float(number) * factor
-                except ValueError:
-                    break
-        raise argparse.ArgumentTypeError(f"give a number and {', '.join(units)}, not {text!r}")
-
-    return read

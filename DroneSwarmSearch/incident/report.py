@@ -24,6 +24,7 @@ from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.drift.tracks import Tracks
 from DroneSwarmSearch.evaluation.suite import NamedSearch
+from DroneSwarmSearch.incident import units
 from DroneSwarmSearch.incident.flights import SearchGrid, Waypoint, in_utc, schedule
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -75,7 +76,8 @@ class Layout(NamedTuple):
 class Incident:
     """What a rescue centre knows: who drifts, where they were last seen, and which drones can fly.
 
-    Positions are (latitude, longitude) in degrees, lengths are in metres, durations in seconds and
+    Positions are (latitude, longitude) in degrees, or text such as ("54-10.8N", "007-51.0E");
+    lengths are in metres, durations in seconds and
     speeds in m/s. Times are datetimes with a time zone, or text such as "2026-03-01T05:30Z".
 
     Attributes:
@@ -207,11 +209,7 @@ class Incident:
     def sentence(self) -> str:
         """The incident in a sentence."""
         who = f"Tracks of {self.tracks}" if self.tracks else f"{self.object_class}"
-        latitude, longitude = self.position
-        text = (
-            f"{who} at {abs(latitude):.4f}° {'NS'[latitude < 0]}, "
-            f"{abs(longitude):.4f}° {'EW'[longitude < 0]}, {self.time:%Y-%m-%d %H:%M} UTC"
-        )
+        text = f"{who} at {units.radioed(self.position)}, {self.time:%Y-%m-%d %H:%M} UTC"
         for name, flow in (("wind", self.wind), ("current", self.current)):
             if isinstance(flow, Mapping):
                 text += f", {name} as forecast"
@@ -391,6 +389,16 @@ def _sailed(position: Pair, away: Floats) -> Pair:
 
 
 def _position(name: str, value: object) -> Pair:
+    try:
+        if isinstance(value, str):
+            value = units.position(value)
+        elif isinstance(value, (tuple, list)):
+            value = tuple(
+                units.degrees(each, letters) if isinstance(each, str) else each
+                for each, letters in zip(value, ("NS", "EW"), strict=True)
+            )
+    except ValueError as error:
+        raise ValueError(f"{name} must be (latitude, longitude): {error}") from None
     latitude, longitude = checks.pair(name, value, "(latitude, longitude) in degrees")
     if not (abs(latitude) <= 89.0 and abs(longitude) <= 180.0):
         raise ValueError(

@@ -71,7 +71,8 @@ class PlannerPolicy(PlannedPolicy):
 
     Args:
         scenario: the parameters of every search to steer.
-        seconds: the work to improve a plan, in seconds on a common computer.
+        seconds: the work to improve a plan, in seconds on a fast idle core; shared machines take
+            two to four times as long.
         in_flight: whether drones search in even steps and move in odd ones, which stands for
             drones that search while they fly and cross a cell in two steps.
 

@@ -32,6 +32,7 @@ def plot_curve(
     steps: str = "steps",
     columns: Sequence[str] = ("found",),
     baselines: Sequence[Evaluation] = (),
+    title: str = "",
 ) -> None:
     """Plot the success in CSV files over the training steps, as curve.png beside the first file.
 
@@ -42,6 +43,7 @@ def plot_curve(
         steps: the column on the horizontal axis.
         columns: the columns to plot, probabilities of success; empty cells are left out.
         baselines: evaluations of other policies, of which the mean success per policy is shown.
+        title: above the plot, such as the searches that it is about.
 
     Raises:
         ImportError: Matplotlib, of the extra "evaluation", is not installed.
@@ -65,7 +67,7 @@ def plot_curve(
         colour, label = f"C{len(columns) + number}", f"{name} {fmean(found):.1%}"
         dashes = (3 * number, (3, 3 * len(levels) - 3))  # those of equal baselines take turns
         axes.axhline(fmean(found), color=colour, linestyle=dashes, label=label)
-    axes.set(xlabel=_tidy(steps), ylabel="success")
+    axes.set(xlabel=_tidy(steps), ylabel="success", title=title)
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))

@@ -1,4 +1,4 @@
-// The page "Play a search": plays episodes written by `DroneSwarmSearch.evaluation.export`,
+// The page "Watch searches": plays episodes written by `DroneSwarmSearch.evaluation.export`,
 // whose docstring describes the data. docs/make_episodes.py writes the files in `episodes`.
 "use strict";
 (() => {

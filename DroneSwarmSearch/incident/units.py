@@ -1,0 +1,89 @@
+"""Quantities, directions and positions as people type them: "25 kn", "1h30", "NW", "54-10.8N"."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from DroneSwarmSearch.leeway import KNOT
+
+Pair = tuple[float, float]
+Units = Mapping[str, float]
+
+SPEED: Units = {
+    **dict.fromkeys(("kn", "kt", "kts", "knot", "knots"), KNOT),
+    **{"m/s": 1.0, "mps": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "mph": 0.44704},
+}
+LENGTH: Units = {"m": 1.0, "km": 1000.0, "nm": 1852.0, "nmi": 1852.0, "ft": 0.3048}
+TIME: Units = {
+    **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), 3600.0),
+    **dict.fromkeys(("min", "mins", "minute", "minutes"), 60.0),
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
+}
+
+POINTS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE"]
+POINTS += ["S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"]
+
+
+def quantity(text: str, units: Units) -> float:
+    """A number with one of some units, in SI units; several add up, such as 1h30 or 1h 30min."""
+    given = re.sub(r"(h\s*\d+)$", r"\1min", text.strip().lower())
+    parts = re.findall(r"(\d+\.?\d*|\.\d+)\s*([a-z/]+)\s*", given)
+    if not parts or re.sub(r"\s", "", given) != "".join(map("".join, parts)):
+        raise ValueError(f"a number and a unit ({', '.join(units)}) are needed, got {text!r}")
+    if unknown := [unit for _, unit in parts if unit not in units]:
+        raise ValueError(f"the unit must be {', '.join(units)}, got {unknown[0]!r} in {text!r}")
+    return sum(float(number) * units[unit] for number, unit in parts)
+
+
+def direction(text: str) -> float:
+    """Degrees clockwise from north, from 0 to 360, or one of the sixteen points."""
+    given = text.strip().upper()
+    if given in POINTS:
+        return POINTS.index(given) * 22.5
+    if not re.fullmatch(r"\d+\.?\d*[°T]?", given) or (degrees := float(given.rstrip("°T"))) > 360:
+        raise ValueError(f"a direction is degrees from 0 to 360, or N, NNE to NNW, got {text!r}")
+    return degrees
+
+
+def position(text: str) -> Pair:
+    """(latitude, longitude): decimal degrees, or degrees, minutes and seconds with N, S, E, W."""
+    given = text.strip().upper()
+    lettered = re.fullmatch(r"(.*?[NS]|[NS].*?)[\s,/]*([^NS]*[EW]|[EW][^NS]*)", given)
+    both = lettered.groups() if lettered else given.replace(",", " ").split()
+    if len(both) != 2:
+        raise ValueError(f'a position is such as 54.18 7.85 or "54-10.8N 007-51.0E", got {text!r}')
+    return degrees(both[0], "NS"), degrees(both[1], "EW")
+
+
+def degrees(text: str, letters: str) -> float:
+    """A latitude or longitude; south and west, the second of the letters, are negative."""
+    given = re.sub(r"[°'\u2032\"\u2033]|(?<=\d)-", " ", text.upper())
+    tokens = re.findall(r"[-+]?\d+\.?\d*|\S", given)
+    numbers = [each for each in tokens if each[-1] in "0123456789."]
+    letter = "".join(each for each in tokens if each not in numbers)
+    if letter not in ("", *letters) or not 0 < len(numbers) <= (3 if letter else 1):
+        is_valid = False
+    else:
+        smaller = [float(each) for each in numbers[1:]]
+        is_valid = "." not in "".join(numbers[:-1]) and max(smaller, default=0.0) < 60
+        is_valid &= not letter or numbers[0][0].isdigit()
+    if not is_valid:
+        raise ValueError(
+            f"degrees are such as 54.18, 54-10.8{letters[0]} or 54 10 48 {letters[0]}, the "
+            f"latitude first, got {text!r}"
+        )
+    size: float = sum(float(each) / 60**power for power, each in enumerate(numbers))
+    return -size if letter == letters[1] else size
+
+
+def radioed(place: Pair) -> str:
+    """A (latitude, longitude) in degrees and decimal minutes."""
+    return f"{minutes(60 * place[0], 'NS')} {minutes(60 * place[1], 'EW')}"
+
+
+def minutes(value: float, letters: str) -> str:
+    """A latitude or longitude in minutes as degrees and decimal minutes."""
+    value = (value + 10800) % 21600 - 10800
+    whole, rest = divmod(round(10 * abs(value)), 600)
+    return f"{whole:0{2 + (letters == 'EW')}}°{rest / 10:04.1f}'{letters[int(value < 0)]}"
