@@ -180,7 +180,7 @@ def test_options_and_parameters_are_those_of_the_environment() -> None:
     uncertain.reset(seed=0)
     assert uncertain.unwrapped.search.scenario.persons == tuple(persons)
     with pytest.raises(ValueError, match=r"drones_positions\[0\]"):
-        env.reset(options={"drones_positions": [(9, 9)]})
+        env.reset(options={"drones_positions": [(6, 6)]})
 
 
 def test_wrappers_read_the_time_limit_and_nothing_enforces_it_again() -> None:
@@ -188,7 +188,7 @@ def test_wrappers_read_the_time_limit_and_nothing_enforces_it_again() -> None:
     assert env.spec is not None and env.spec.max_episode_steps == 9
     assert "TimeLimit" not in str(env)
     aware = gymnasium.wrappers.TimeAwareObservation(env, normalize_time=False)
-    aware.reset(seed=0, options={"drones_positions": [(0, 0)]})
+    aware.reset(seed=0, options={"drones_positions": [(6, 6)]})
     for step in range(1, 10):
         observation, _, terminated, truncated, info = aware.step(Action.SEARCH)
         assert observation[-1] == step and not terminated
