@@ -209,7 +209,6 @@ def person(
     diffusivity: float = 5.0,
     adrift: float = 0.0,
     jibing: float = 0.04,
-    search: float | None = None,
     scale: Scale,
     probability_of_detection: float = 1.0,
     grid_size: int | None = None,
@@ -247,8 +246,6 @@ def person(
         jibing: how often the object changes the side of the wind, per hour, from 0 to 1. Jibes
             during the search widen the map: the diffusion is larger by `jibing` cells² per cell
             of leeway, which was fitted to tracks of OpenDrift.
-        search: how long the search lasts, in seconds; above 0. If given, these jibes widen the
-            map only from the search on, on average over it; otherwise while adrift, too.
         scale: the size of cells and the duration of steps.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
         grid_size: if given, with `timestep_limit`, there is a warning if more than 1% of the
@@ -271,11 +268,7 @@ def person(
         adrift=scale.whole_steps(checks.real("adrift", adrift, 0)),
     )
     winds, currents = _in_each_step(scale, wind=wind, current=current)
-    widening = per_hour
-    if search is not None:
-        duration = checks.positive("search", search)
-        widening *= duration / (2 * scale.seconds(known.adrift) + duration)
-    hypotheses = partial(_hypotheses, kind, winds, currents, scale, known, widening)
+    hypotheses = partial(_hypotheses, kind, winds, currents, scale, known, per_hour)
     jibes = min(per_hour * scale.seconds(known.adrift) / 3600, _MOST_JIBES)
     if jibes < _FEWEST_JIBES or not winds.any():
         jibes = 0.0

@@ -284,7 +284,7 @@ def _persons(value: object, grid_size: int, timestep_limit: int) -> tuple[Person
             raise TypeError(f"persons[{index}] must be a Person, got {person!r}")
         person.check_grid(grid_size, f"persons[{index}]")
         if person.tracks is not None:
-            most = person.tracks.steps - len(person.searched)
+            most = person.tracks.steps
             if most < timestep_limit:
                 raise ValueError(
                     f"timestep_limit must be at most {most}, the steps of the tracks of "

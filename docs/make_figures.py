@@ -52,8 +52,7 @@ from DroneSwarmSearch.drift.belief import Belief
 from DroneSwarmSearch.drift.tables import Axes as DriftAxes
 from DroneSwarmSearch.drift.tables import distribution
 from DroneSwarmSearch.evaluation import evaluate, search
-from DroneSwarmSearch.incident import Incident
-from DroneSwarmSearch.leeway import KNOT, current_towards, wind_from
+from DroneSwarmSearch.incident import Incident, flights
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
 from DroneSwarmSearch.policies.datum import Datum
 from DroneSwarmSearch.rendering import palette
@@ -728,30 +727,25 @@ def incident(theme: Theme, sampling: Sampling) -> Figure:
         position=(54.18, 7.85),
         time="2026-03-01T05:30Z",
         object_class="LIFE-RAFT-SB-6",
-        wind=wind_from(300, 25 * KNOT),
-        current=current_towards(160, 0.5 * KNOT),
+        wind="300 20kn",
+        current="160 0.5kn",
     )
-    plan = raft.plan("greedy-posterior")
-    (x, y), cell = raft.cell_of(*raft.position), raft.layout.grid.scale.metres_per_cell / 1000
-    size, steps = raft.layout.grid.size, raft.layout.limit
-    left, top = (-0.5 - x) * cell, (y + 0.5) * cell
-    sides = (left, left + size * cell, top - size * cell, top)
+    plan, known = raft.plan(), raft.plane.metres(*raft.position)
     chart = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     maps = chart.subplots(1, 2, sharex=True, sharey=True)
-    for axes, matrix in zip(maps, (plan.prior(0), plan.posterior(steps)), strict=True):
+    times = plan.on_scene, plan.landed
+    for axes, time in zip(maps, times, strict=True):
+        matrix, low, high = plan.density(time)
+        (left, bottom), (right, top) = (low - known) / 1000, (high - known) / 1000
         heat_map(axes, matrix, theme)
-        axes.images[0].set_extent(sides)
+        axes.images[0].set_extent((left, right, bottom, top))
         axes.plot(0, 0, "+", color=theme.ink, markersize=8, markeredgewidth=1.6)
-        axes.set_xlabel("km east")
+        axes.set(xlabel="km east", title=f"{time:%H:%M}")
     maps[0].set_ylabel("km north")
     for flight in plan.flights:
-        degrees = np.array([(each.latitude, each.longitude) for each in flight])
-        east, south = (raft.cell_of(*degrees.T) - (x, y)).T * cell
-        maps[1].plot(east, -south, color=theme.track, linewidth=0.8, alpha=0.8)
-    maps[0].set(xlim=sides[:2], ylim=sides[2:])
-    minutes = raft.layout.grid.scale.seconds(steps) / 60
-    maps[0].set_title("when the search begins")
-    maps[1].set_title(f"{minutes:.0f} minutes later")
+        east, north = (flights.track(flight, raft.plane) - known).T / 1000
+        maps[1].plot(east, north, color=theme.track, linewidth=0.8, alpha=0.8)
+    maps[1].set(xlim=(left, right), ylim=(bottom, top))
     success = f"POS {plan.probability_of_success:.0%}"
     maps[1].set_title(success, loc="right", color=theme.grey, fontsize=8.5)
     return chart

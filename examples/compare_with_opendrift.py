@@ -174,8 +174,7 @@ def search(incident: Incident, options: argparse.Namespace) -> Pair | None:
     start = (SEARCH_SIZE - 1) / 2 - drifted * (1, -1) / SEARCH_SCALE.metres_per_cell
     known = {**incident._asdict(), "start": start, "scale": SEARCH_SCALE, "jibing": options.jibing}
     person = leeway.person(**known, probability_of_detection=DETECTION)
-    low, high = person.extent(SEARCH_STEPS)
-    if min(low) < -0.5 or max(high) > SEARCH_SIZE - 0.5:
+    if max(person.mass_beyond(SEARCH_SIZE, step) for step in (0, SEARCH_STEPS)) > 0.01:
         return None
     env = DroneSwarmSearch(
         SEARCH_SIZE,

@@ -214,7 +214,9 @@ class TestOptions:
         assert cli.main(["play", str(tmp_path / "raft.json"), "--text"]) == 0
         captured = capsys.readouterr()
         assert captured.err == ""
-        assert captured.out.startswith("raft: PIW-1 at 54°10.8'N 007°51.0'E, 2026-03-01 05:30 UTC")
+        story = " ".join(captured.out.split("\n\n")[0].split())
+        assert story.startswith("raft: Person in water, unknown state (PIW-1) at 54°10.8'N 007°51.")
+        assert story.endswith("wind from 243° 17 kn (8.9 m/s); 3 drones from 06:30.")
         summary = figures(captured.out)
         metres, seconds = re.findall(r"[\d.]+", summary["scale"])
         assert float(metres) == pytest.approx(2 * 20 * float(seconds), rel=0.01)

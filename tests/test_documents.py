@@ -264,8 +264,6 @@ def test_command(command, tmp_path, monkeypatch):
         skip_without("ray")
     elif command.script == "examples/random_searches.py":
         arguments += ["--seed", "11"]  # a small search
-    elif arguments[2:3] == ["plan"]:
-        arguments += ["--policy", "greedy-posterior"]  # quick
     for option, most in MOST.items():
         if option in arguments:
             place = arguments.index(option) + 1
@@ -274,7 +272,7 @@ def test_command(command, tmp_path, monkeypatch):
     shutil.copy(ROOT / "basic_env.py", tmp_path)
     if "--after" in arguments:
         first = next(each.arguments for each in commands() if "--position" in each.arguments)
-        run_here([*first, "--policy", "greedy-posterior"], tmp_path, monkeypatch)
+        run_here([*first], tmp_path, monkeypatch)
     if "--ray" in command.arguments or "--workers" in arguments:
         printed = run_python(arguments, tmp_path)
     else:

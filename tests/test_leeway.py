@@ -395,17 +395,6 @@ def test_directions_as_they_are_reported():
     assert pytest.approx(1.852) == leeway.KNOT * 3.6
 
 
-def test_jibes_during_a_search_of_known_length_do_not_widen_the_drift_before_it():
-    """On average over an hour's search, a third of the diffusion since an hour before it."""
-    drifting = {**USUAL, "adrift": 3600}
-    always, never = (leeway.person("PIW-1", **drifting, jibing=rate) for rate in (0.04, 0.0))
-    known = leeway.person("PIW-1", **drifting, search=3600)
-    share = 3600 / (2 * SCALE.seconds(SCALE.whole_steps(3600)) + 3600)
-    extra = [each.drifts[0].diffusion - never.drifts[0].diffusion for each in (known, always)]
-    assert extra[0] == pytest.approx(share * extra[1]) and extra[1] > 0
-    assert known.weights == always.weights
-
-
 # Warnings.
 
 
@@ -458,7 +447,6 @@ def test_an_unknown_class_names_the_nearest_ones(name, nearest):
         ({"current": {0: 5}}, TypeError, "current must be two finite numbers"),
         ({"current": {}}, TypeError, "current must be two finite numbers .*got {}"),
         ({"jibing": 4}, ValueError, "jibing must .*at most 1, got 4"),
-        ({"search": 0}, ValueError, "search must be a finite number above 0, got 0"),
         ({"grid_size": 61}, ValueError, "grid_size and timestep_limit must be given together"),
         ({"grid_size": 20, "timestep_limit": 9}, ValueError, r"start\[0\] must .*from 0 to 19"),
     ],

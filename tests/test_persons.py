@@ -206,30 +206,6 @@ def test_huge_numbers_stay_numbers(huge):
     assert drift.mass_beyond(7, 2**53) == pytest.approx(1)
 
 
-# Where the person may be on a grid without borders.
-
-
-@settings(max_examples=50)
-@given(**DRIFTING)
-def test_the_extent_holds_the_gaussian(start, start_sd, vector, vector_sd, diffusion, adrift, step):
-    spread = {"start_sd": start_sd, "vector_sd": vector_sd, "diffusion": diffusion}
-    person = Person(Drift(start, vector=vector, adrift=adrift, **spread))
-    low, high = person.extent(step)
-    for now in {0, step // 2, step}:
-        tau = adrift + now
-        for axis in (0, 1):
-            sd = math.sqrt(start_sd[axis] ** 2 + diffusion * tau + (vector_sd * tau) ** 2)
-            mean = start[axis] + vector[axis] * tau
-            assert low[axis] < mean - 2.6 * sd and mean + 2.6 * sd < high[axis]  # 99%
-
-
-def test_the_extent_follows_hypotheses_and_series():
-    person = Person([Drift((1, 1)), Drift((1, 1), vector=(1, -2), weight=3)])
-    assert person.extent(4).tolist() == [[1, -7], [5, 1]]
-    there_and_back = Drift((1, 1), vector=[(1, 0)] * 4 + [(-1, 0)] * 4 + [(0, 0)])
-    assert Person(there_and_back).extent(32).tolist() == [[1, 1], [5, 1]]
-
-
 # Bad input: the value, the error, and what the message says.
 
 DRIFTS: list[tuple[dict[str, Any], type[Exception], str]] = [

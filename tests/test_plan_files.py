@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from datetime import datetime, timedelta, timezone
-from itertools import groupby
 from pathlib import Path
 
 import gpxpy
@@ -15,9 +15,11 @@ import pytest
 import shapely
 from fastkml import Folder, GroundOverlay, LineStyle, Placemark, kml
 from fastkml.utils import find_all
+from pymavlink import mavwp
 
-from DroneSwarmSearch.incident import FlightPlan, Incident, Waypoint, files
-from DroneSwarmSearch.leeway import KNOT, current_towards, wind_from
+from DroneSwarmSearch.incident import FlightPlan, Incident, Waypoint, files, missions
+
+pytest.importorskip("cmaes")
 
 GEOD = pyproj.Geod(ellps="WGS84")
 NORTH_SEA, FIJI = (54.18, 7.85), (-17.0, 180.0)
@@ -30,11 +32,12 @@ def plan(request) -> FlightPlan:
         position=request.param,
         time="2026-03-01T05:30Z",
         object_class="LIFE-RAFT-SB-6",
-        wind=wind_from(300, 25 * KNOT),
-        current=current_towards(160, 0.5 * KNOT),
+        wind="300 20kn",
+        current="160 0.5kn",
         altitude=80.0,
+        endurance="20min",
     )
-    return incident.plan("greedy-posterior")
+    return incident.plan()
 
 
 @pytest.fixture(scope="module")
@@ -54,19 +57,19 @@ def test_gpx_has_a_route_for_each_drone(plan: FlightPlan, folder: Path):
     routes = gpxpy.parse((folder / "plan.gpx").read_text("utf-8")).routes
     assert [route.name for route in routes] == ["drone 0", "drone 1", "drone 2"]
     for route, flight in zip(routes, plan.flights, strict=True):
-        assert route.description == plan.search.reason
+        assert route.description in plan.orders
         assert len({point.name for point in route.points}) == len(flight)
         for point, waypoint in zip(route.points, flight, strict=True):
             assert away((point.longitude, point.latitude), waypoint) < 1e-6
             assert abs(point.time - waypoint.time) < MILLISECOND
-            assert point.elevation == 80
+            assert point.elevation == waypoint.altitude
     assert routes[1].points[3].name == "1-03"
 
 
 def test_kml_is_valid_and_shows_flights_in_time(plan: FlightPlan, folder: Path):
     # With lxml, fastkml checks the file against the schema of KML 2.2.
     (document,) = kml.KML.parse(folder / "plan.kml").features
-    assert document.description == plan.search.reason
+    assert document.description == plan.incident.sentence
     (known,) = [each for each in document.features if isinstance(each, Placemark)]
     flights = [each for each in document.features if isinstance(each, Folder)]
     assert known.name == "last known position"
@@ -76,8 +79,8 @@ def test_kml_is_valid_and_shows_flights_in_time(plan: FlightPlan, folder: Path):
         parts = getattr(line.geometry, "geoms", [line.geometry])
         points = [point for part in parts for point in part.coords if abs(point[0]) < 180]
         places = [(round(each.longitude, 7), round(each.latitude, 7)) for each in waypoints]
-        # fastkml keeps one of the points at which a drone waits.
-        inside = [(*place, 80) for place, _ in groupby(places) if abs(place[0]) < 180]
+        height = waypoints[0].altitude
+        inside = [(*place, height) for place in places if abs(place[0]) < 180]
         assert np.array(points) == pytest.approx(np.array(inside), abs=1e-6)
         ends = [*waypoints[1:], waypoints[-1]]
         for mark, waypoint, end in zip(marks, waypoints, ends, strict=True):
@@ -90,11 +93,11 @@ def test_kml_is_valid_and_shows_flights_in_time(plan: FlightPlan, folder: Path):
 
 def test_the_map_in_kml_lies_where_the_grid_does(plan: FlightPlan, folder: Path):
     overlays = list(find_all(kml.KML.parse(folder / "plan.kml"), of_type=GroundOverlay))
-    opacity, size = [], plan.search.scenario.grid_size
+    matrix, (west, south), (east, north) = plan.density(plan.on_scene)
+    opacity, size, half = [], len(matrix), (east - west) / 2
     for overlay in overlays:
         picture = pygame.image.load(folder / overlay.icon.href)
         opacity.append(pygame.surfarray.array_alpha(picture).T)
-    matrix = plan.prior(0)
     expected = 255 * matrix / matrix.max()
     assert np.concatenate(opacity, axis=1) == pytest.approx(expected, abs=0.5 + 1e-9)
     assert expected.min() < 0.5, "far from the last known position, it is transparent"
@@ -104,13 +107,12 @@ def test_the_map_in_kml_lies_where_the_grid_does(plan: FlightPlan, folder: Path)
         assert opacity[0].shape[1] / size == pytest.approx(
             (180 - boxes[0].west) / (360 + boxes[1].east - boxes[0].west), abs=0.51 / size
         )
-    corners = [(-0.5, -0.5), (size - 0.5, -0.5), (-0.5, size - 0.5), (size - 0.5, size - 0.5)]
-    latitudes, longitudes = plan.incident.locate(corners).T
+    corners = [(west, north), (east, north), (west, south), (east, south)]
+    latitudes, longitudes = plan.incident.plane.degrees(corners).T
     west, east = boxes[0].west, boxes[-1].east
     north, south = boxes[0].north, boxes[0].south
     box = [west, east, west, east], [north, north, south, south]
-    distance = size / 2 * plan.search.scale.metres_per_cell
-    most = 1.1 * distance**2 * abs(np.tan(np.radians(plan.incident.position[0]))) / 6.37e6
+    most = 1.1 * half**2 * abs(np.tan(np.radians(plan.incident.position[0]))) / 6.37e6
     assert max(GEOD.inv(*box, longitudes, latitudes)[2]) < most + 0.2
 
 
@@ -144,8 +146,41 @@ def test_geojson_has_lines_and_waypoints(plan: FlightPlan, folder: Path):
             point, properties = shapely.geometry.shape(each["geometry"]), each["properties"]
             assert away((point.x, point.y), waypoint) < 1e-6
             assert abs(when(properties["time_utc"]) - waypoint.time) < MILLISECOND
-            assert properties["waypoint"] == number and properties["altitude_m"] == 80
+            assert properties["waypoint"] == number
+            assert properties["altitude_m"] == waypoint.altitude
             assert properties["searching"] is waypoint.searching
+
+
+# Missions.
+
+FIELDS = {"autoContinue", "command", "doJumpId", "frame", "params", "type"}
+
+
+def test_missions_are_read_by_ground_stations(plan: FlightPlan, tmp_path: Path):
+    missions.save(plan, tmp_path)
+    for number, flight in enumerate(plan.flights):
+        loader = mavwp.MAVWPLoader()
+        assert loader.load(str(tmp_path / f"drone{number}.waypoints")) == len(flight) + 2
+        home, take_off, speed, *points, back = [loader.wp(n) for n in range(loader.count())]
+        assert [take_off.command, speed.command, back.command] == [22, 178, 20]
+        assert speed.param2 == plan.incident.speed
+        assert away((home.y, home.x), flight[0]) < 1e-6
+        for point, waypoint in zip(points, flight[1:-1], strict=True):
+            assert (point.command, point.frame, point.autocontinue) == (16, 3, 1)
+            assert away((point.y, point.x), waypoint) < 1e-6
+            assert point.z == waypoint.altitude
+        mission = json.loads((tmp_path / f"drone{number}.plan").read_text("utf-8"))
+        assert (mission["fileType"], mission["version"]) == ("Plan", 1)
+        assert mission["geoFence"]["version"] == mission["rallyPoints"]["version"] == 2
+        assert mission["mission"]["version"] == 2
+        assert mission["mission"]["plannedHomePosition"][:2] == pytest.approx(plan.incident.base)
+        items = mission["mission"]["items"]
+        assert [each["doJumpId"] for each in items] == [*range(1, len(flight) + 2)]
+        for item, other in zip(items, [take_off, speed, *points, back], strict=True):
+            assert set(item) >= FIELDS and item["type"] == "SimpleItem"
+            assert (item["command"], item["frame"]) == (other.command, other.frame)
+            assert len(item["params"]) == 7
+            assert item["params"][4:] == pytest.approx([other.x, other.y, other.z], abs=1e-6)
 
 
 # CSV.
@@ -158,24 +193,23 @@ def test_csv_comes_back(plan: FlightPlan, folder: Path):
             assert away((waypoint.longitude, waypoint.latitude), other) < 1e-7
             assert abs(waypoint.time - other.time) < MILLISECOND
             assert waypoint.time.tzinfo is timezone.utc
-            assert (waypoint.drone, waypoint.searching) == (other.drone, other.searching)
-    assert (
-        plan.incident.after(folder / "plan.csv").search().scenario.timestep_limit
-        == plan.incident.after(plan).search().scenario.timestep_limit
-    )
+            assert waypoint[3:] == other[3:]
+    weights = [
+        plan.incident.after(each).particles(2000, 0).weights for each in (folder / "plan.csv", plan)
+    ]
+    assert weights[0] == pytest.approx(weights[1], rel=1e-3)
 
 
 def test_csv_names_units_and_the_speed_of_each_leg(plan: FlightPlan, folder: Path):
-    header, *rows = (folder / "plan.csv").read_text("utf-8").splitlines()
-    assert (
-        header
-        == "drone,waypoint,time_utc,latitude_deg,longitude_deg,altitude_m,speed_m_s,searching"
-    )
-    table = [dict(zip(header.split(","), row.split(","), strict=True)) for row in rows]
-    assert len(table) == len(plan.waypoints)
-    speeds = {float(row["speed_m_s"]) for row in table}
-    assert speeds == {0.0, plan.incident.speed}, "a drone waits, or flies at its speed"
-    assert {row["altitude_m"] for row in table} == {"80.0"}
+    with open(folder / "plan.csv", encoding="utf-8", newline="") as file:
+        table = [*csv.DictReader(file)]
+    columns = "drone,waypoint,time_utc,latitude_deg,longitude_deg,altitude_m,speed_m_s,searching"
+    assert [*table[0]] == [*columns.split(","), "order"]
+    assert len(table) == sum(map(len, plan.flights))
+    assert [row["order"] for row in table if row["order"]] == plan.orders
+    assert {row["altitude_m"] for row in table} == {"80.0", "100.0", "120.0"}
+    speeds = [float(row["speed_m_s"]) for row in table]
+    assert sorted(speeds)[3] > 0 and max(speeds) < plan.incident.speed + 14
 
 
 FLOWN = """\ufeffdrone,time_utc,battery,latitude_deg,longitude_deg
@@ -190,10 +224,10 @@ def test_flights_really_flown_need_few_columns(tmp_path: Path):
     path.write_text(FLOWN, "utf-8")
     start = datetime(2026, 3, 1, 6, 30, tzinfo=timezone.utc)
     assert files.read_csv(path) == [
-        [Waypoint(1, start + timedelta(minutes=1), 54.20, 7.86, True)],
+        [Waypoint(start + timedelta(minutes=1), 54.20, 7.86, 0.0, True)],
         [
-            Waypoint(4, start, 54.18, 7.85, True),
-            Waypoint(4, start + timedelta(seconds=10.5), 54.19, 7.85, True),
+            Waypoint(start, 54.18, 7.85, 0.0, True),
+            Waypoint(start + timedelta(seconds=10.5), 54.19, 7.85, 0.0, True),
         ],
     ]
 

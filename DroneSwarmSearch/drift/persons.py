@@ -231,9 +231,6 @@ class Person:
             entry from then on; never increasing. Any array or sequence; a tuple is kept. Plans,
             policies, `RewardScheme.expected` and `Evaluation.success_alive` weigh finds by it; it
             does not change who is found. None: always alive.
-        searched: earlier searches that found nobody: for each step before the search begins, the
-            different cells (x, y) that were searched. Drifts and tracks begin that many steps
-            earlier, and the matrix is the posterior.
 
     Raises:
         TypeError: a value is of the wrong type.
@@ -246,15 +243,12 @@ class Person:
     fine: int = field(default=2, kw_only=True)
     classes: int = field(default=1, kw_only=True)
     survival: Sequence[float] | Floats | None = field(default=None, kw_only=True, repr=False)
-    searched: Sequence[Sequence[tuple[int, int]]] = field(default=(), kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         detection = checks.real("probability_of_detection", self.probability_of_detection, 0, 1)
         object.__setattr__(self, "probability_of_detection", detection)
         if self.survival is not None:
             object.__setattr__(self, "survival", _survival(self.survival))
-        steps = checks.items("searched", self.searched, "cells (x, y) for each step")
-        object.__setattr__(self, "searched", tuple(map(_cells_of_step, enumerate(steps))))
         checks.integer("fine", self.fine, 1, 4)
         checks.integer("classes", self.classes, 1)
         given: object = self.drifts
@@ -302,36 +296,27 @@ class Person:
             return self.tracks.vector
         pairs = list(zip(self.weights, self.drifts, strict=True))
         x, y = (
-            sum(weight * drift.vector_in(len(self.searched))[axis] for weight, drift in pairs)
-            for axis in (0, 1)
+            sum(weight * drift.vector_in(0)[axis] for weight, drift in pairs) for axis in (0, 1)
         )
         return x, y
 
     @property
     def key(self) -> tuple[object, ...]:
         """A hashable key of the drifts and weights; equal for equal forecasts."""
-        earlier = self.searched and (self.searched, self.probability_of_detection)
         if self.tracks is not None:
-            return self.tracks, self.fine, self.classes, earlier
-        return (*(drift.key for drift in self.drifts), self.weights, earlier)
+            return self.tracks, self.fine, self.classes
+        return (*(drift.key for drift in self.drifts), self.weights)
 
     def model(self, grid_size: int) -> DriftModel:
         """The person's drift model; another kind of person returns its own here."""
         from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
-        from DroneSwarmSearch.drift.resumed import Resumed
 
-        model: DriftModel
         if self.tracks is not None:
-            model = self.tracks.chain(grid_size, self.fine, self.classes)
-        else:
-            model = ProbabilityMatrix(grid_size, self)
-        return Resumed(model, self) if self.searched else model
+            return self.tracks.chain(grid_size, self.fine, self.classes)
+        return ProbabilityMatrix(grid_size, self)
 
     def check_grid(self, grid_size: int, name: str = "person") -> None:
         """`Drift.check_grid` of all drifts; `name` is that of this person."""
-        for step, cells in enumerate(self.searched):
-            for cell in cells:
-                checks.cell(f"{name}.searched[{step}]", cell, grid_size)
         if self.tracks is not None:
             return
         for place, drift in enumerate(self.drifts):
@@ -339,27 +324,10 @@ class Person:
 
     def mass_beyond(self, grid_size: int, step: int) -> float:
         """The mean of `Drift.mass_beyond` over the drifts, by weight; or the share of tracks."""
-        step += len(self.searched)
         if self.tracks is not None:
             return self.tracks.mass_beyond(grid_size, step)
         beyond = [drift.mass_beyond(grid_size, step) for drift in self.drifts]
         return math.fsum(w * mass for w, mass in zip(self.weights, beyond, strict=True))
-
-    def extent(self, last: int) -> Floats:
-        """Corners (x, y) of a rectangle that holds more than 99% of every forecast up to a step.
-
-        float64, (2, 2), in cells, on a grid without borders; no start may be an array.
-        """
-        steps = [len(self.searched) + step for step in _some_steps(last)]
-        if self.tracks is not None:
-            parts = [self.tracks.positions[min(step, self.tracks.steps)] for step in steps]
-            corners = np.array([np.quantile(part, (0.001, 0.999), axis=0) for part in parts])
-        else:
-            spreads = np.array([[each.spread(step) for each in self.drifts] for step in steps])
-            means, deviations = np.moveaxis(spreads, 2, 0)
-            ends = [means - 3 * deviations, means + 3 * deviations]
-            corners = np.stack(ends, axis=2).reshape(-1, 2, 2)
-        return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the values as plain data for JSON; `from_dict` reads it.
@@ -369,8 +337,6 @@ class Person:
         data: dict[str, Any] = {"probability_of_detection": self.probability_of_detection}
         if self.survival is not None:
             data["survival"] = list(self.survival)
-        if self.searched:
-            data["searched"] = [[list(cell) for cell in cells] for cells in self.searched]
         if self.tracks is None:
             return {"drifts": [drift.to_dict() for drift in self.drifts], **data}
         return {"tracks": self.tracks.to_dict(), "fine": self.fine, "classes": self.classes, **data}
@@ -388,16 +354,6 @@ class Person:
             except (TypeError, ValueError) as error:
                 raise type(error)(f"drifts[{place}]: {error}") from None
         return cls(**{**values, "drifts": drifts})
-
-
-def _cells_of_step(entry: tuple[int, object]) -> tuple[tuple[int, int], ...]:
-    """The different cells (x, y) that were searched in a step."""
-    name = f"searched[{entry[0]}]"
-    cells = checks.items(name, entry[1], "different cells (x, y)")
-    found = tuple(checks.cell(name, cell, checks.LARGEST_EXACT) for cell in cells)
-    if len(set(found)) < len(found):
-        raise ValueError(f"{name} must be different cells (x, y), got {found}")
-    return found
 
 
 def _start(

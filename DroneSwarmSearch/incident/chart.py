@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from datetime import datetime, timedelta
+from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -12,8 +12,10 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.files import write_bytes
+from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.evaluation.plots import STYLES
 from DroneSwarmSearch.incident import units
+from DroneSwarmSearch.incident.flights import track
 from DroneSwarmSearch.rendering.palette import INK, drone_colour, readable_on
 
 if TYPE_CHECKING:
@@ -21,7 +23,13 @@ if TYPE_CHECKING:
 
     from DroneSwarmSearch.incident.flight_plan import FlightPlan
 
-PAGE, SHEET = np.array([[595.0, 842.0], [515.0, 580.0]])  # the page and the map, in points
+PAGE, SHEET = np.array([[595.0, 842.0], [515.0, 470.0]])  # the page and the map, in points
+PER_SHEET = 6
+"""The most drones whose flights are told apart on a sheet; more are drawn on further sheets."""
+
+WIDER = 1.6
+"""A place is only on the map if it does not become so many times as wide."""
+
 DASHES = (9, 0), (5, 1.6), (1.2, 1), (7, 1.4, 1.2, 1.4), (2.6, 1.2), (7, 1.4, 1.2, 1.4, 1.2, 1.4)
 STEPS = np.array([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800])
 HEAD = {"arrowstyle": "-|>,head_length=.5,head_width=.25", "linewidth": 0, "shrinkB": 0}
@@ -39,132 +47,162 @@ STYLE = {
 
 
 def save(plan: FlightPlan, folder: Path) -> None:
-    """Write the map to a folder, as `map.png`, 1,322 pixels wide, and as `map.svg`."""
+    """Write `map.png`, 1,322 pixels wide, and `map.svg`, and perhaps more sheets, `map2.png`..."""
     from matplotlib import style
 
     with style.context(["default", STYLES / "light.mplstyle", STYLE]):
-        figure = draw(plan)
-        for kind, metadata in (("png", {}), ("svg", {"Date": None, "Creator": None})):
-            content = io.BytesIO()
-            figure.savefig(content, format=kind, dpi=160, metadata=metadata)
-            write_bytes(folder / f"map.{kind}", content.getvalue())
+        for sheet, first in enumerate(range(0, len(plan.flights), PER_SHEET), 1):
+            figure = draw(plan, range(first, min(first + PER_SHEET, len(plan.flights))))
+            for kind, metadata in (("png", {}), ("svg", {"Date": None, "Creator": None})):
+                content = io.BytesIO()
+                figure.savefig(content, format=kind, dpi=160, metadata=metadata)
+                name = f"map{sheet if sheet > 1 else ''}.{kind}"
+                write_bytes(folder / name, content.getvalue())
 
 
-def draw(plan: FlightPlan) -> Figure:
-    """Draw the drones' tracks over the areas where the person may be; north is up.
+def draw(plan: FlightPlan, drones: Sequence[int]) -> Figure:
+    """Draw the flights of some drones over the areas where the person may be; north is up.
 
     Lines enclose the smallest areas that hold 50% and 90% of the probability if nobody searches,
     dashed when the search begins and solid at the last landing. The grey is the map at the start.
+    Each drone's strips have its colour.
     """
     from matplotlib.figure import Figure
     from matplotlib.patheffects import Normal, Stroke
 
-    incident, scale, steps = plan.incident, plan.search.scale, len(plan.success) - 1
-    assert scale is not None and incident.position is not None
-    start = min(each.time for each in plan.waypoints)
-    end = plan.first + timedelta(seconds=scale.seconds(steps))
-    tracks = [incident.cell_of(*np.array([each[2:4] for each in one]).T) for one in plan.flights]
-    known, base, cell = incident.cell_of(*incident.position), tracks[0][0], scale.metres_per_cell
-    maps = {plan.first: plan.prior(0), end: plan.prior(steps)}
+    incident, plane = plan.incident, plan.incident.plane
+    start, tracks = incident.start, [track(plan.flights[each], plane) for each in drones]
+    known, base = plane.metres(*incident.position), plane.metres(*incident.base)
     figure = Figure(PAGE / 72)
-    axes: Any = figure.add_axes((50 / PAGE[0], 165 / PAGE[1], *SHEET / PAGE))
-    means = _areas(axes, maps)
-    # The map shows the areas, and everything else that is on the grid.
-    cells, half = np.vstack([*tracks, known]), len(maps[end]) / 2
-    shown = [cells[(abs(cells - half + 0.5) < half).all(axis=1)]]
-    shown += [np.argwhere(mass > _level(mass, 0.9))[:, ::-1] for mass in maps.values()]
-    low, high = (edge(np.vstack(shown), axis=0) for edge in (np.min, np.max))
-    point = 1.1 * ((high - low + 2) / SHEET).max()  # in cells
-    (left, top), (right, bottom) = ((low + high + way * point * SHEET) / 2 for way in (-1, 1))
+    axes: Any = figure.add_axes((50 / PAGE[0], 285 / PAGE[1], *SHEET / PAGE))
+    means, boxes = _areas(axes, plan)
+    boxes += [edge([edge(each[1:-1], 0) for each in tracks], 0) for edge in (np.min, np.max)]
+    for place in (known, base):
+        low, high = np.min(boxes, axis=0), np.max(boxes, axis=0)
+        if np.all(np.abs(place - (low + high) / 2) < WIDER / 2 * (high - low).max()):
+            boxes.append(place)
+    low, high = np.min(boxes, axis=0), np.max(boxes, axis=0)
+    point = 1.12 * ((high - low) / SHEET).max()  # in metres
+    (left, bottom), (right, top) = ((low + high + way * point * SHEET) / 2 for way in (-1, 1))
     axes.set(xlim=(left, right), ylim=(bottom, top))
-    _graticule(axes, incident.locate)
+    _graticule(axes, plane)
     arrow = {"arrowstyle": "simple,head_width=.8,tail_width=.3", "facecolor": "white"}
     axes.annotate("", means[1], means[0], arrowprops=arrow | {"shrinkA": 0, "shrinkB": 0}, zorder=6)
-    drift = f"mean drift {_course(cell * (means[1] - means[0]))}"
-    axes.plot([], [], marker=r"$\Rightarrow$", label=drift, **SIGN)
+    label = f"mean drift {course(means[1] - means[0])}"
+    axes.plot([], [], marker=r"$\Rightarrow$", label=label, **SIGN)
     axes.plot([], [], marker="$10$", label=f"minutes since {start:%H:%M}", **SIGN)
-    up = 9 if known[1] <= base[1] else -9  # the name of the northern place above it
-    _place(axes, known, "oP", f"last known position, {incident.time:%H:%M}", up, cell)
-    _place(axes, base, "s", f"take-off, {start:%H:%M}", -up, cell)
+    up = 11 if known[1] >= base[1] else -11  # the name of the northern place above it
+    away = f": {course(base - known)} from there" if np.hypot(*(base - known)) > point else ""
+    _place(axes, base, "s", 15, f"take-off, {start:%H:%M}", -up, away)
+    _place(axes, known, "oP", 8, f"last known position, {incident.time:%H:%M}", up, "")
 
-    flown = [[(each.time - start).total_seconds() / 60 for each in one] for one in plan.flights]
-    step = STEPS[STEPS.searchsorted(sum(each[-1] - each[0] for each in flown) / 40)]
-    gap = 50 * point * cell / incident.speed / 60  # minutes between heads of arrows
+    flown = [[(e.time - start).total_seconds() / 60 for e in plan.flights[each]] for each in drones]
+    step = STEPS[STEPS.searchsorted(sum(each[-1] - each[0] for each in flown) / 30)]
+    gap = 60 * point / incident.speed / 60  # minutes between heads of arrows
     marked = [known, base]
-    for drone, (track, minutes) in enumerate(zip(tracks, flown, strict=True)):
+    for drone, points, minutes in zip(drones, tracks, flown, strict=True):
         disc = drone_colour(drone)
         colour, ink, white = (np.array(each) / 255 for each in (disc, INK, readable_on(disc)))
+        casing = [Stroke(linewidth=2.4, foreground=ink), Normal()]
+        strip: Any = {"color": colour, "alpha": 0.3, "linewidth": incident.swath / point}
+        axes.plot(*points[1:-1].T, solid_capstyle="butt", zorder=2, **strip)
+        look: Any = {"color": colour, "path_effects": casing, "linewidth": 1.2}
         dashes = (0, DASHES[drone % len(DASHES)])
-        casing = [Stroke(linewidth=2.6, foreground=ink), Normal()]
-        look: Any = {"color": colour, "path_effects": casing}
-        first = [each.searching for each in plan.flights[drone]].index(True)
-        axes.plot(*track[: first + 1].T, color=ink, linewidth=0.7)
-        axes.plot(*track[first:].T, linestyle=dashes, label=f"drone {drone}", **look)
-        for time in np.arange(minutes[0] + gap, minutes[-1], gap):
-            tail, tip = _between(track, minutes, [time - gap / 20, time + gap / 20])
+        axes.plot(*points[:2].T, ":", color=ink, linewidth=0.7)
+        axes.plot(*points[-2:].T, ":", color=ink, linewidth=0.7)
+        axes.plot(*points[1:-1].T, linestyle=dashes, label=f"drone {drone}", **look)
+        for time in np.arange(minutes[1] + gap / 2, minutes[-2], gap):
+            tail, tip = _between(points, minutes, [time - gap / 20, time + gap / 20])
             axes.annotate("", tip, tail, arrowprops=HEAD | {"color": ink})
         look = {"zorder": 8, "clip_on": True, **CENTRED}
         circle = {"boxstyle": "circle", "facecolor": colour, "edgecolor": ink}
-        clear = [at for at in track[first:] if np.abs(at - marked).max(axis=1).min() > 12 * point]
-        place = clear[0] if clear else track[first]
-        axes.text(*place, f"{drone}", bbox=circle, color=white, **{**look, "zorder": 10})
-        marked.append(place)
-        times = np.arange(np.ceil(minutes[0] / step), minutes[-1] / step) * step
-        for time, at in zip(times, _between(track, minutes, times), strict=True):
-            if np.abs(at - marked).max(axis=1).min() > 12 * point:
+        axes.text(*points[1], f"{drone}", bbox=circle, color=white, **{**look, "zorder": 10})
+        marked.append(points[1])
+        times = np.arange(np.ceil(minutes[1] / step), minutes[-2] / step) * step
+        for time, at in zip(times, _between(points, minutes, times), strict=True):
+            if np.abs(at - marked).max(axis=1).min() > 13 * point:
                 axes.text(*at, f"{time:g}", bbox=BOX, **look)
                 marked.append(at)
 
-    axes.legend(loc="upper left", bbox_to_anchor=(0, -0.1), ncols=3, handlelength=4, borderpad=0)
+    axes.legend(loc="upper left", bbox_to_anchor=(0, -0.105), ncols=3, handlelength=4, borderpad=0)
     look = {"transform": axes.get_xaxis_transform(), "clip_on": False}
-    for y, metres, unit in ((-0.055, 1000, "km"), (-0.08, 1852, "NM")):
-        length = STEPS[STEPS.searchsorted(150 * point * cell / metres) - 1]
-        x = left + np.linspace(0, length * metres / cell, 3)
+    for y, metres, unit in ((-0.062, 1000, "km"), (-0.09, 1852, "NM")):
+        length = STEPS[STEPS.searchsorted(150 * point / metres) - 1]
+        x = left + np.linspace(0, length * metres, 3)
         axes.plot(x, [y, y, y], "k|-", **look)
         axes.text(x[2] + 5 * point, y, f"{length:g} {unit}", va="center", **look)
     look = {"xycoords": "axes fraction", "annotation_clip": False, "ha": "center"}
     axes.annotate("N", (0.98, -0.03), (0.98, -0.11), arrowprops=BLACK, **look)
-    title = f"{incident.object_class or 'Tracks'}: probability of success {plan.success[-1]:.0%}"
-    look = {"fontsize": 14, "weight": "bold"}
-    axes.set_title(f"{title} by {end:%H:%M} UTC", loc="left", pad=34, **look)
+    title = f"{incident.target.partition(' (')[0]}: probability of success"
+    look = {"fontsize": 12, "weight": "bold"}
+    success = f"{plan.probability_of_success:.0%} by {plan.landed:%H:%M} UTC"
+    axes.set_title(fill(f"{title} {success}", 78), loc="left", pad=34, **look)
     look = {"transform": axes.transAxes, "va": "top", "fontsize": 7.5}
-    axes.text(0, 1.045, fill(plan.search.reason, 130), **look)
-    assumptions = (
-        f"Cells of {cell:g} m; swath {incident.swath:g} m; probability of detection "
-        f"{incident.probability_of_detection:g}; {incident.speed:g} m/s. Areas and grey: where the "
-        "person may be if nobody searches. Times are UTC."
-    )
-    axes.text(0, -0.23, fill(assumptions, 130), **look)
+    axes.text(0, 1.055, fill(incident.sentence, 130), **look)
+    _table(figure, plan, drones)
+    text = " ".join(plan.assumptions)
+    figure.text(50 / PAGE[0], 24 / PAGE[1], fill(text, 135), va="bottom", fontsize=7.5)
     return figure
 
 
-def _areas(axes: Any, maps: dict[datetime, Floats]) -> list[Floats]:
-    """Draw the first map, and the areas of both; return their mean cells (x, y)."""
+def _table(figure: Figure, plan: FlightPlan, drones: Sequence[int]) -> None:
+    """The orders of the drones, in columns as wide as their longest line."""
+    axes = figure.add_axes((50 / PAGE[0], 80 / PAGE[1], SHEET[0] / PAGE[0], 105 / PAGE[1]))
+    axes.axis("off")
+    rows = [[*plan.order(each).values()] for each in drones]
+    heads = [fill(name, 13 if name[0] == "c" else 9) for name in plan.order(drones[0])]
+    lines = [[*head.splitlines(), *texts] for head, *texts in zip(heads, *rows, strict=True)]
+    widths = np.array([max(map(len, each)) + 1.5 for each in lines])
+    table = axes.table(
+        rows,
+        colLabels=heads,
+        colWidths=widths / widths.sum(),
+        bbox=(0, 0.82 - 0.12 * len(rows), 1, 0.18 + 0.12 * len(rows)),
+        cellLoc="left",
+        colLoc="left",
+        edges="horizontal",
+    )
+    table.auto_set_font_size(False)
+    table.set_fontsize(6.3)
+    for (row, _), cell in table.get_celld().items():
+        cell.PAD = 0.02
+        cell.set_height(0.18 if row == 0 else 0.12)
+
+
+def _areas(axes: Any, plan: FlightPlan) -> tuple[list[Floats], list[Floats]]:
+    """Draw the first map, and the areas at start and end; return means and corners in metres."""
     means: list[Floats] = []
-    for (time, mass), dashes in zip(maps.items(), ("--", "-"), strict=True):
+    corners: list[Floats] = []
+    for time, dashes in ((plan.on_scene, "--"), (plan.landed, "-")):
+        mass, (west, south), (east, north) = plan.density(time)
         if not means:
-            axes.imshow(mass, "Greys", vmax=3 * mass.max(), interpolation="bilinear", zorder=0)
-        look: Any = {"linestyles": dashes, "linewidths": 0.9, "zorder": 3}
+            look: Any = {"vmax": 3 * mass.max(), "interpolation": "bilinear", "zorder": 0}
+            axes.imshow(mass, "Greys", extent=(west, east, south, north), **look)
+        side = (east - west) / len(mass)
+        x = west + side * (np.arange(len(mass)) + 0.5)
+        y = north - side * (np.arange(len(mass)) + 0.5)
+        look = {"linestyles": dashes, "linewidths": 0.9, "zorder": 3}
         for share in (50, 90):
-            lines = axes.contour(mass, [_level(mass, share / 100)], colors="0.2", **look)
+            lines = axes.contour(x, y, mass, [_level(mass, share / 100)], colors="0.2", **look)
             line = np.vstack(lines.allsegs[0])
             # In the north at the start and in the south at the end, so that labels lie apart.
-            at = line[line[:, 1].argmax() if means else line[:, 1].argmin()]
+            at = line[line[:, 1].argmin() if means else line[:, 1].argmax()]
             axes.clabel(lines, fmt=f"{share}%%", fontsize=7.5, manual=[at])
+        corners += [line.min(axis=0), line.max(axis=0)]
         label = f"50% and 90% areas at {time:%H:%M}"
         axes.plot([], [], dashes, color="0.2", linewidth=0.9, label=label)
-        numbers, total = np.arange(len(mass)), mass.sum()
-        means.append(np.array([mass.sum(axis=0) @ numbers, mass.sum(axis=1) @ numbers]) / total)
-    return means
+        means.append(plan.particles.mean(plan.incident.seconds(time)))
+    axes.set_aspect("auto")
+    return means, corners
 
 
-def _graticule(axes: Any, locate: Any) -> None:
+def _graticule(axes: Any, plane: TangentPlane) -> None:
     """Put ticks and lines at round minutes of latitude and longitude."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     x, y = (left + right) / 2, (bottom + top) / 2
-    places = locate([(x, bottom), (x, top), (left, y), (right, y)])
+    places = plane.degrees([(x, bottom), (x, top), (left, y), (right, y)])
     places[:, 1] -= 360 * np.round((places[:, 1] - places[0, 1]) / 360)  # at the date line
-    for axis, cells, letters, (first, last) in (
+    for axis, metres, letters, (first, last) in (
         (axes.yaxis, (bottom, top), "NS", 60 * places[:2, 0]),
         (axes.xaxis, (left, right), "EW", 60 * places[2:, 1]),
     ):
@@ -172,31 +210,30 @@ def _graticule(axes: Any, locate: Any) -> None:
         step = STEPS[STEPS.searchsorted(span / 6)]
         minutes = np.arange(np.ceil((first + span / 20) / step), (last - span / 20) / step) * step
         names = [units.minutes(each, letters) for each in minutes]
-        axis.set_ticks(np.interp(minutes, (first, last), cells), names)
+        axis.set_ticks(np.interp(minutes, (first, last), metres), names)
     axes.tick_params(axis="y", labelrotation=90)
 
 
-def _place(axes: Any, at: Floats, symbols: str, name: str, up: int, cell: float) -> None:
+def _place(axes: Any, at: Floats, symbols: str, size: float, name: str, up: int, away: str) -> None:
     """Draw symbols and a name, or an arrow at the edge towards a place off the map."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     middle = np.array([left + right, bottom + top]) / 2
-    away = 2 * (at - middle) / (right - left, bottom - top)
-    if (beyond := abs(away).max()) > 1:
+    beside = 2 * (at - middle) / (right - left, top - bottom)
+    if (beyond := abs(beside).max()) > 1:
         tip, tail = (middle + (at - middle) * share / beyond for share in (0.99, 0.89))
         axes.annotate("", tip, tail, arrowprops=BLACK | {"shrinkA": 0}, zorder=9)
-        label = f"{name}: {_course(cell * (at - tip))}"
-        axes.plot([], [], marker=r"$\rightarrow$", label=label, **SIGN)
+        axes.plot([], [], marker=r"$\rightarrow$", label=f"{name}{away}", **SIGN)
         return
     for symbol in symbols:
-        axes.plot(*at, f"k{symbol}", markerfacecolor="white", markersize=9, zorder=9)
+        axes.plot(*at, f"k{symbol}", markerfacecolor="white", markersize=size, zorder=9)
     look: Any = {"va": "center", "bbox": BOX, "zorder": 9}
-    look["ha"], offset = ("left", (9, up)) if away[0] < 0 else ("right", (-9, up))
+    look["ha"], offset = ("left", (11, up)) if beside[0] < 0 else ("right", (-11, up))
     axes.annotate(name, at, offset, textcoords="offset points", **look)
 
 
-def _course(metres: Floats) -> str:
-    """A distance and a direction, from an offset in metres to the right and down."""
-    length, degrees = np.hypot(*metres), np.degrees(np.arctan2(metres[0], -metres[1])) % 360
+def course(metres: Floats) -> str:
+    """A distance and a direction, from an offset in metres (east, north)."""
+    length, degrees = np.hypot(*metres), np.degrees(np.arctan2(*metres)) % 360
     return f"{length / 1000:.1f} km ({length / 1852:.1f} NM), {degrees:03.0f}°"
 
 

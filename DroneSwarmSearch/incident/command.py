@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import re
 import textwrap
-from collections.abc import Callable
 from dataclasses import fields, replace
-from functools import partial
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch import leeway
-from DroneSwarmSearch.incident import units
-from DroneSwarmSearch.incident.flight_plan import POLICIES, QUICK, FlightPlan
-from DroneSwarmSearch.incident.report import Incident, Pair
+from DroneSwarmSearch.incident.flight_plan import FlightPlan
+from DroneSwarmSearch.incident.report import Incident, stronger
 
-READERS: dict[str, Callable[[str], Any]] = {
-    "position": units.position,
-    "base": units.position,
-    "wind": lambda text: _flow(leeway.wind_from, text),
-    "current": lambda text: _flow(leeway.current_towards, text),
-    "speed": partial(units.quantity, units=units.SPEED),
-    "endurance": partial(units.quantity, units=units.TIME),
-    **dict.fromkeys(
-        ("position_sd", "swath", "altitude"), partial(units.quantity, units=units.LENGTH)
-    ),
+NAMES = {
+    "position_sd": "--error",
+    "object_class": "--object",
+    "probability_of_detection": "--detection",
 }
-"""How the words of options become values; the words may be apart, as in 25 kn."""
+"""Options that do not have the names of an incident's values."""
 
 MINUTES = 5, 10, 20, 30, 45, 60, 90, 120
 
@@ -37,66 +30,71 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "%(prog)s --position LAT LON --time UTC\n"
         "           --object CLASS --wind DEGREES SPEED --out DIR [options]"
     )
-    place: Any = {"metavar": ("LAT", "LON"), "nargs": "+"}
-    flow: Any = {"metavar": ("DIRECTION", "SPEED"), "nargs": "+"}
-    unit: Any = {"nargs": "+"}
+    words: Any = {"nargs": "+", "action": _Words}
+    place: Any = {"metavar": ("LAT", "LON"), **words}
+    flow: Any = {"metavar": ("DIRECTION", "SPEED"), "nargs": "+", "action": "append"}
 
     def add(name: str, about: str, value: str | None = None, **options: object) -> None:
         kinds: dict[str, object] = {"dest": value, **options} if value else options
         group.add_argument(name, help=about, **kinds)  # type: ignore[arg-type]
 
     group = parser.add_argument_group("the incident")
-    add("--position", "last known, 54.18 7.85, or 54-10.8N 007-51.0E", **place)
-    add(
-        "--error",
-        "its standard deviation along each axis (926m)",
-        "position_sd",
-        metavar="LENGTH",
-        **unit,
-    )
+    add("--position", "last known: 54.18 7.85, or 54-10.8N 007-51.0E", **place)
+    add("--error", "its standard deviation along each axis (926m)", "position_sd", **words)
     add("--time", "when they were there: 2026-03-01T05:30Z")
     add("--object", "a key of leeway.CLASSES, such as PIW-1", "object_class", metavar="CLASS")
-    add("--wind", "where it comes from, and its speed: 300 25kn, or NW 12.9m/s", **flow)
+    about = "where it comes from, and its speed: 300 25kn, or NW 12.9m/s; again for later times: "
+    add("--wind", f"{about}320 30kn@08:00Z; or a CSV file of time, direction, speed", **flow)
     add("--current", "where it flows to, and its speed: 160 0.5kn (none)", **flow)
-    add("--tracks", "of a drift simulation, in place of object and wind", metavar="FILE")
+    add("--wind-error", "standard deviation along each axis (2m/s)", **words)
+    add("--current-error", "the same (0.13m/s)", **words)
+    about = "of a drift simulation, in place of object and current"
+    add("--tracks", about, metavar="FILE")
     add("--incident", "a file incident.json; other options replace its values", metavar="FILE")
     add("--after", "a plan that was flown and found nobody: plan the next one", metavar="DIR")
     group = parser.add_argument_group("the drones")
-    add(
-        "--start", "first take-off (an hour after --time; with --after, half an hour after landing)"
-    )
+    add("--start", "take-off (an hour after --time; with --after, half an hour after landing)")
     add("--drones", "how many (3)", type=int, metavar="N")
-    add("--speed", "over the ground (20m/s)", **unit)
-    add("--swath", "width of the strip that a drone sees (200m)", **unit)
+    add("--speed", "airspeed (20m/s)", **words)
+    add("--turn", "time for a turn by a right angle (4s)", **words)
+    add("--swath", "width of the strip that a drone sees (200m)", **words)
     about = "probability that it finds a person in the strip (0.8)"
     add("--detection", about, "probability_of_detection", type=float, metavar="P")
-    add("--endurance", "from take-off to landing (45min)", **unit)
+    add("--endurance", "from take-off to landing (45min)", **words)
+    add("--reserve", "what must be left of the endurance (none)", **words)
     add("--base", "where they take off and land (the last known position)", **place)
-    add("--altitude", "of the flight (100m)", **unit)
+    add("--altitude", "of the first one; the others fly 20 m above each other (100m)", **words)
     group = parser.add_argument_group("the plan")
-    add("--policy", f"{' or '.join(POLICIES)} ({POLICIES[0]})", choices=POLICIES, default="planner")
     add("--out", "the folder to write", metavar="DIR", type=Path, required=True)
+
+
+class _Words(argparse.Action):
+    """Joins words, so that 25 kn and 25kn are the same."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: Any = None) -> None:
+        setattr(namespace, self.dest, " ".join(values))
 
 
 def run(options: argparse.Namespace) -> None:
     """Plan, write the folder, and print one screen."""
     from DroneSwarmSearch.incident import chart  # noqa: F401 (fails now, and not after planning)
 
-    plan = _incident(options).plan(options.policy)
+    try:
+        plan = _incident(options).plan()
+    except ValueError as error:
+        name, rest = re.fullmatch(r"(\w*)(.*)", str(error), re.DOTALL).groups()  # type: ignore[union-attr]
+        option = NAMES.get(name, f"--{name.replace('_', '-')}")
+        raise ValueError(f"{option if hasattr(options, name) else name}{rest}") from None
     plan.save(options.out)
     print(f"{summary(plan)}\nWritten to {options.out}.")
 
 
 def _incident(options: argparse.Namespace) -> Incident:
     """The incident that the options describe."""
-    for name, read in READERS.items():
-        if words := getattr(options, name):
-            try:
-                setattr(options, name, read(" ".join(words)))
-            except ValueError as error:
-                option = {"position_sd": "error"}.get(name, name)
-                raise ValueError(f"--{option}: {error}") from None
     values = {each.name: getattr(options, each.name, None) for each in fields(Incident)}
+    for name in ("wind", "current"):
+        if texts := [" ".join(words) for words in values[name] or ()]:
+            values[name] = texts[0] if len(texts) == 1 else texts
     given = {name: value for name, value in values.items() if value is not None}
     if options.after is not None:
         start, folder = given.pop("start", None), Path(options.after)
@@ -107,12 +105,6 @@ def _incident(options: argparse.Namespace) -> Incident:
     return Incident(**given)
 
 
-def _flow(of: Callable[[float, float], Pair], text: str) -> Pair:
-    """A wind or current from a direction and a speed."""
-    degrees, _, speed = text.partition(" ")
-    return of(units.direction(degrees), units.quantity(speed, units.SPEED))
-
-
 def _read(path: Path) -> Incident:
     try:
         return Incident.read(path)
@@ -121,35 +113,35 @@ def _read(path: Path) -> Incident:
 
 
 def summary(plan: FlightPlan) -> str:
-    """One screen: what the plan finds and when, what more would bring, and what it assumes."""
-    incident, layout = plan.incident, plan.incident.layout
-    began = min(each.time for each in plan.waypoints if each.searching)
-    landed = max(flight[-1].time for flight in plan.flights)
-    steps = {each: layout.grid.scale.whole_steps(60 * each) for each in MINUTES}
-    success = [
-        f"{plan.success[n]:.0%} after {m}" for m, n in steps.items() if n < len(plan.success)
-    ]
-    quick, *found = (
-        each.plan(QUICK).probability_of_success
-        for each in (
-            incident,
-            replace(incident, drones=incident.drones + 1),
-            replace(incident, endurance=incident.endurance + 1800),
-        )
-    )
-    drone, time = (f"{100 * (more - quick):+.0f}" for more in found)
+    """One screen: what the plan finds and when, the orders, what more would bring, what it assumes.
+
+    What more would bring is compared with plans of as little work.
+    """
+    incident, scene = plan.incident, plan.on_scene
+    times = {each: scene + timedelta(minutes=each) for each in MINUTES}
+    success = [f"{plan.success(t):.0%} after {m}" for m, t in times.items() if t < plan.landed]
+    changes: dict[str, dict[str, Any]] = {
+        "One more drone": {"drones": incident.drones + 1},
+        "Half an hour more": {"endurance": incident.endurance + 1800},
+    }
+    if incident.tracks is None:
+        changes["A wind 5 kn stronger"] = {"wind": stronger(incident.wind, 5 * leeway.KNOT)}
     lines = [
         incident.sentence,
         f"After {len(incident.flown)} flights that found nobody." if incident.flown else "",
-        f"PROBABILITY OF SUCCESS {plan.probability_of_success:.0%}: "
-        f"{', '.join(success)} minutes in the area.",
-        f"First take-off {incident.start:%H:%M}, in the area {began:%H:%M}, last landing "
-        f"{landed:%H:%M} UTC. One more drone: {drone} points. Half an hour more: {time} points.",
-        f"Assumed: the drift is right, up to a position error of {incident.position_sd:.0f} m and "
-        f"the spread of such objects. Drones fly {incident.speed:.3g} m/s for at most "
-        f"{incident.endurance / 60:.0f} min, at {incident.altitude:.0f} m, and find "
-        f"{incident.probability_of_detection:.0%} of those in a strip of {incident.swath:.0f} m.",
-        f"Map: {layout.grid.size} x {layout.grid.size} cells of "
-        f"{layout.grid.scale.metres_per_cell:.0f} m.",
+        f"PROBABILITY OF SUCCESS {plan.probability_of_success:.0%} by {plan.landed:%H:%M} UTC: "
+        f"{', '.join(success)} minutes from {scene:%H:%M} on.",
+        *plan.orders,
+        " ".join(f"{name}: {_difference(plan, values)}." for name, values in changes.items()),
+        "Assumed: " + " ".join(plan.assumptions),
     ]
     return "\n".join(textwrap.fill(line, 79) for line in lines if line)
+
+
+def _difference(plan: FlightPlan, values: dict[str, Any]) -> str:
+    """What other values change, in points, or that drones cannot fly then."""
+    try:
+        more = plan.with_changes(**values).probability_of_success
+    except ValueError:
+        return "drones cannot fly there and back"
+    return f"{100 * (more - plan.probability_of_success):+.0f} points"

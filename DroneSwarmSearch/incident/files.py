@@ -47,7 +47,7 @@ def read_csv(path: Path) -> list[list[Waypoint]]:
     """The waypoints of each drone, planned or really flown, from a file such as plan.csv.
 
     It needs the columns drone, time_utc, latitude_deg and longitude_deg. Without the column
-    searching, drones search on all legs.
+    searching, drones search on all legs; without altitude_m, they are at 0 m.
 
     Raises:
         ValueError: a column is missing, a value is wrong, the times of a drone do not increase, or
@@ -57,7 +57,7 @@ def read_csv(path: Path) -> list[list[Waypoint]]:
     with open(path, newline="", encoding="utf-8-sig") as file:
         rows = csv.DictReader(file, restval="")
         for row in rows:
-            row.setdefault("searching", "true")
+            row = {"altitude_m": "0", "searching": "true", **row}
             line, values = f"{path}, line {rows.line_num}", []
             for name, (parse, what) in PARSERS.items():
                 given = row.get(name, "no such column")
@@ -66,9 +66,10 @@ def read_csv(path: Path) -> list[list[Waypoint]]:
                 except ValueError:
                     raise ValueError(f"{line}: {name} must be {what}, got {given!r}") from None
             flight = flights.setdefault(values[0], [])
-            if flight and values[1] <= flight[-1].time:
+            waypoint = Waypoint(*values[1:])
+            if flight and waypoint.time <= flight[-1].time:
                 raise ValueError(f"{line}: time_utc must increase, got {row['time_utc']!r}")
-            flight.append(Waypoint(*values))
+            flight.append(waypoint)
     if not flights:
         raise ValueError(f"{path} must hold waypoints, one per line, got none")
     return [flights[drone] for drone in sorted(flights)]
@@ -79,6 +80,7 @@ PARSERS: dict[str, Any] = {
     "time_utc": (partial(in_utc, "time_utc"), "a time with its zone, such as 2026-03-01T05:30:00Z"),
     "latitude_deg": (lambda text: checks.real("", float(text), -90, 90), "from -90 to 90"),
     "longitude_deg": (lambda text: checks.real("", float(text), -180, 180), "from -180 to 180"),
+    "altitude_m": (lambda text: checks.real("", float(text)), "a number"),
     "searching": (lambda text: bool(("false", "true").index(text.lower())), "true or false"),
 }
 """How to read the columns that become a `Waypoint`, and what they must be."""
@@ -89,10 +91,10 @@ def _gpx(plan: FlightPlan) -> ET.Element:
     space = {"xmlns": "http://www.topografix.com/GPX/1/1", "version": "1.1"}
     root = ET.Element("gpx", space, creator="DroneSwarmSearch")
     for drone, flight in enumerate(plan.flights):
-        route = _add(root, "rte", name=f"drone {drone}", desc=plan.search.reason)
+        route = _add(root, "rte", name=f"drone {drone}", desc=plan.orders[drone])
         for number, each in enumerate(flight):
             name, time = f"{drone}-{number:02d}", _utc(each.time)
-            point = _add(route, "rtept", ele=plan.incident.altitude, time=time, name=name)
+            point = _add(route, "rtept", ele=each.altitude, time=time, name=name)
             point.attrib = {"lat": f"{each.latitude:.7f}", "lon": f"{each.longitude:.7f}"}
     return root
 
@@ -100,7 +102,7 @@ def _gpx(plan: FlightPlan) -> ET.Element:
 def _kml(plan: FlightPlan, overlays: dict[str, dict[str, float]]) -> ET.Element:
     """KML 2.2, with flights, waypoints, and the map at the start of the search."""
     root = ET.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
-    document = _add(root, "Document", name="flight plan", description=plan.search.reason)
+    document = _add(root, "Document", name="flight plan", description=plan.incident.sentence)
     for name, box in overlays.items():
         what = "probability at the start of the search"
         _add(document, "GroundOverlay", name=what, Icon={"href": name}, LatLonBox=box)
@@ -111,15 +113,15 @@ def _kml(plan: FlightPlan, overlays: dict[str, dict[str, float]]) -> ET.Element:
         icon, line = {"color": colour, "scale": 0.5}, {"color": colour, "width": 2}
         style = {"IconStyle": icon, "LineStyle": line}
         folder = _add(document, "Folder", name=f"drone {drone}")
-        parent = _add(folder, "Placemark", name=f"flight of drone {drone}", Style=style)
+        parent = _add(folder, "Placemark", name=plan.orders[drone], Style=style)
         lines = _split(flight)
         if len(lines) > 1:
             parent = _add(parent, "MultiGeometry")
         for each in lines:
-            _add(parent, "LineString", **_shape(each, plan.incident.altitude))
+            _add(parent, "LineString", **_shape(each, flight[0].altitude))
         for number, (now, after) in enumerate(pairwise([*flight, flight[-1]])):
             span = {"begin": _utc(now.time), "end": _utc(after.time)}
-            name, point = f"{drone}-{number:02d}", _shape(_points([now]), plan.incident.altitude)
+            name, point = f"{drone}-{number:02d}", _shape(_points([now]), now.altitude)
             _add(folder, "Placemark", name=name, TimeSpan=span, Style=style, Point=point)
     return root
 
@@ -127,16 +129,16 @@ def _kml(plan: FlightPlan, overlays: dict[str, dict[str, float]]) -> ET.Element:
 def _write_overlays(plan: FlightPlan, folder: Path) -> dict[str, dict[str, float]]:
     """Write the map at the start as PNG, in two parts at the date line; its edges, by file.
 
-    The edges are the parallels and meridians through the middles of the grid's edges. With these d
+    The edges are the parallels and meridians through the middles of the map's edges. With these d
     from the centre, corners are off by 1.1 d² tan(latitude) / R, where R is the radius of the
     earth: by 30 m for 10 km at 60 degrees.
     """
     import pygame
 
-    matrix, locate = plan.prior(0), plan.incident.locate
-    size, middle, end = len(matrix), len(matrix) / 2 - 0.5, len(matrix) - 0.5
-    (north, _), (south, _) = locate([(middle, -0.5), (middle, end)]).tolist()
-    (_, west), (_, east) = locate([(-0.5, middle), (end, middle)]).tolist()
+    matrix, (west, south), (east, north) = plan.density(plan.on_scene)
+    size, middle = len(matrix), ((west + east) / 2, (south + north) / 2)
+    ends = [(middle[0], north), (middle[0], south), (west, middle[1]), (east, middle[1])]
+    (north, _), (south, _), (_, west), (_, east) = plan.incident.plane.degrees(ends).tolist()
     parts = [("overlay.png", 0, size, west, east)]
     if east < west:  # KML allows no longitude beyond 180 degrees
         cut = min(max(round((180 - west) / (360 + east - west) * size), 1), size - 1)
@@ -158,27 +160,34 @@ def _features(plan: FlightPlan) -> list[dict[str, Any]]:
     features = [_feature("Point", plan.incident.position[::-1], name="last known position")]
     for drone, flight in enumerate(plan.flights):
         times = {"take_off_utc": _utc(flight[0].time), "landing_utc": _utc(flight[-1].time)}
+        times["order"] = plan.orders[drone]
         whole = {"drone": drone, **times, "distance_m": round(_legs(plan, flight).sum())}
         first, *others = _split(flight)
         kind = "MultiLineString" if others else "LineString"
         features.append(_feature(kind, [first, *others] if others else first, **whole))
         for number, (each, point) in enumerate(zip(flight, _points(flight), strict=True)):
             row = {"drone": drone, "waypoint": number, "time_utc": _utc(each.time)}
-            more = {"altitude_m": plan.incident.altitude, "searching": each.searching}
+            more = {"altitude_m": each.altitude, "searching": each.searching}
             features.append(_feature("Point", point, **row, **more))
     return features
 
 
 def _csv(plan: FlightPlan) -> str:
     """A row for each waypoint; speed and searching are those of the leg that begins there."""
-    text = "drone,waypoint,time_utc,latitude_deg,longitude_deg,altitude_m,speed_m_s,searching\n"
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    name = "drone,waypoint,time_utc,latitude_deg,longitude_deg,altitude_m,speed_m_s,searching,order"
+    rows.writerow(name.split(","))
     for drone, flight in enumerate(plan.flights):
         seconds = np.diff([each.time.timestamp() for each in flight])
         speeds = [*(_legs(plan, flight) / seconds), 0.0]
         for number, (each, speed) in enumerate(zip(flight, speeds, strict=True)):
-            text += f"{drone},{number},{_utc(each.time)},{each.latitude:.7f},{each.longitude:.7f},"
-            text += f"{plan.incident.altitude},{speed:.2f},{each.searching}\n"
-    return text
+            place = f"{each.latitude:.7f}", f"{each.longitude:.7f}", each.altitude
+            order = plan.orders[drone] if number == 0 else ""
+            rows.writerow(
+                [drone, number, _utc(each.time), *place, f"{speed:.2f}", each.searching, order]
+            )
+    return text.getvalue()
 
 
 def _utc(time: datetime) -> str:
@@ -187,7 +196,7 @@ def _utc(time: datetime) -> str:
 
 def _legs(plan: FlightPlan, flight: Flight) -> Floats:
     """The lengths of the legs in metres."""
-    points = track(flight, plan.incident.layout.grid.plane)
+    points = track(flight, plan.incident.plane)
     lengths: Floats = np.hypot(*np.diff(points, axis=0).T)
     return lengths
 

@@ -2,185 +2,235 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Floats, Ints
-from DroneSwarmSearch.drift.belief import Belief
-from DroneSwarmSearch.evaluation.suite import NamedSearch
-from DroneSwarmSearch.incident.flights import Waypoint, schedule, turns, without_exchanges
-from DroneSwarmSearch.incident.report import Incident
-from DroneSwarmSearch.policies.greedy import PosteriorGreedyPolicy
-from DroneSwarmSearch.policies.planned import searching_in_flight
-from DroneSwarmSearch.policies.planner import PlannerPolicy
-from DroneSwarmSearch.scenario import Cell
+from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.progress import progress
+from DroneSwarmSearch.incident import units
+from DroneSwarmSearch.incident.choice import Area, Guess, choose
+from DroneSwarmSearch.incident.flights import Waypoint, legs_of
+from DroneSwarmSearch.incident.particles import Particles
+from DroneSwarmSearch.incident.patterns import PARALLEL, SECTOR, SQUARE, Pattern
+from DroneSwarmSearch.incident.report import APART, Incident
+from DroneSwarmSearch.leeway import KNOT
 
-QUICK = "greedy-posterior"
-POLICIES = "planner", QUICK
-"""The policies that plan flights; the second one takes a second."""
+FEW, MANY, FIGURES = 2_000, 8_000, 40_000
+"""Particles for the first choice of patterns, to improve them, and for figures."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlightPlan:
     """The flights of all drones, from take-off to landing.
 
-    A drone flies straight and evenly from one waypoint to the next. It searches from the first cell
-    to the landing, also on its way back. Legs follow the grid, so that strips lie side by side.
-    Drones take off and land one after another, and are never in one cell at the same time.
+    Each drone flies a search pattern until it must return. It searches from the commence search
+    point to the landing, also on its way back. Drones fly at heights of their own.
 
     Attributes:
         incident: the incident.
-        policy: what planned the search; "greedy-posterior" also where it found more than "planner".
-        waypoints: those of the first drone in the order of their times, then those of the others.
+        patterns: that of each drone.
+        flights: the waypoints of each drone, in the order of their times.
+        guesses: the patterns relative to the area.
     """
 
     incident: Incident
-    policy: str
-    waypoints: tuple[Waypoint, ...] = field(repr=False)
+    patterns: tuple[Pattern, ...] = field(repr=False)
+    flights: tuple[list[Waypoint], ...] = field(repr=False)
+    guesses: tuple[Guess, ...] = field(repr=False)
 
     @classmethod
-    def of(cls, incident: Incident, policy: str) -> FlightPlan:
-        """`Incident.plan`."""
-        checks.choice("policy", policy, POLICIES)
-        cells = without_exchanges(_searched_cells(incident.search(), policy))
-        plan = cls(incident, policy, tuple(_waypoints(incident, cells)))
-        if policy != QUICK:  # its drones may have to turn back earlier
-            quick = cls.of(incident, QUICK)
-            if quick.probability_of_success > plan.probability_of_success:
-                return quick
-        return plan
+    def of(cls, incident: Incident, near: Sequence[Guess] = ()) -> FlightPlan:
+        """Plan an incident, quickly if it begins near the patterns of another plan."""
+        drones = [incident.drone(number) for number in range(incident.drones)]
+        many = incident.particles(FEW if near else MANY, 1)
+        few = replace(many, positions=many.positions[..., :FEW], weights=_part(many.weights, FEW))
+        areas = [
+            Area(
+                cloud,
+                drones,
+                incident.seconds(incident.start),
+                incident.swath,
+                incident.probability_of_detection,
+            )
+            for cloud in ([few] if near else [few, many, many])
+        ]
+        with progress("planning", 1.0) as bar:
+            guesses = choose(areas, near, bar)
+        patterns = tuple(map(areas[-1].pattern, guesses))
+        flights = []
+        for number, (drone, pattern) in enumerate(zip(drones, patterns, strict=True)):
+            flown = drone.fly(pattern)
+            assert flown is not None
+            degrees = incident.plane.degrees(flown[:, 1:]).tolist()
+            height, last = incident.altitude + APART * number, len(flown) - 1
+            flights.append(
+                [
+                    Waypoint(incident.start + timedelta(seconds=t), lat, lon, height, 0 < n < last)
+                    for n, (t, (lat, lon)) in enumerate(
+                        zip(flown[:, 0].tolist(), degrees, strict=True)
+                    )
+                ]
+            )
+        return cls(incident, patterns, tuple(flights), tuple(guesses))
+
+    def with_changes(self, **values: Any) -> FlightPlan:
+        """A quick plan for the incident with other values, which begins with these patterns."""
+        return self.of(replace(self.incident, **values), self.guesses)
 
     @cached_property
-    def flights(self) -> list[list[Waypoint]]:
-        """The waypoints of each drone."""
-        drones = sorted({each.drone for each in self.waypoints})
-        return [[each for each in self.waypoints if each.drone == drone] for drone in drones]
+    def particles(self) -> Particles:
+        """The possible persons of all figures; the choice of the patterns has not seen them."""
+        return self.incident.particles(FIGURES, 0)
 
     @cached_property
-    def search(self) -> NamedSearch:
-        """The search on a grid, see `Incident.search`."""
-        return self.incident.search()
+    def _passes(self) -> tuple[Floats, Floats]:
+        """Which particle a drone passes, and when, in seconds after the last known position."""
+        incident = self.incident
+        legs = [legs_of(flight, incident.plane, incident.time) for flight in self.flights]
+        who, when = zip(
+            *(self.particles.passes(each, incident.swath) for each in legs), strict=True
+        )
+        return np.concatenate(who), np.concatenate(when)
 
-    @property
-    def first(self) -> datetime:
-        """When the search begins: step 0."""
-        return self.incident.layout.first
+    def success(self, by: datetime | None = None) -> float:
+        """The probability that the person is found by a time, by default the last landing."""
+        cloud, (who, when) = self.particles, self._passes
+        if by is not None:
+            who = who[when <= self.incident.seconds(by)]
+        missed = (1.0 - self.incident.probability_of_detection) ** np.bincount(
+            who, minlength=len(cloud.weights)
+        )
+        return float(cloud.weights @ (1.0 - missed))
 
     @property
     def probability_of_success(self) -> float:
         """The probability that the flights find the person."""
-        return float(self.success[-1])
+        return self.success()
 
-    @cached_property
-    def success(self) -> Floats:
-        """The probability that the person is found before each step: float64, (steps + 1,).
+    def density(self, time: datetime, size: int = 80) -> tuple[Floats, Floats, Floats]:
+        """Where the person may be at a time if nobody searches: a smoothed histogram of particles.
 
-        The last entry is that when the last drone has landed.
+        Returns:
+            Probabilities, float64, (size, size), [row, column], the northern row first; and the
+            corners in metres, (west, south) and (east, north).
         """
-        return np.array([1.0 - belief.kept for belief in self._beliefs(None)])
-
-    def prior(self, step: int) -> Floats:
-        """The map at a step, without these flights: float64, (N, N), indexed [y, x]."""
-        (model,) = self.search.scenario.forecasts()
-        return model.exact(step)
-
-    def posterior(self, step: int) -> Floats:
-        """The map before a step if nobody was found: float64, (N, N), indexed [y, x]."""
-        *_, last = self._beliefs(step)
-        return last.map().copy()
-
-    def _beliefs(self, last: int | None) -> Iterator[Belief]:
-        """The belief before each step up to the last one, by default the landing."""
-        scenario, layout = self.search.scenario, self.incident.layout
-        (model,), (detection,) = scenario.forecasts(), scenario.detections
-        cells = layout.grid.searched(self.flights, layout.first)
-        belief, size = Belief(model, detection, model.joint(0)), scenario.grid_size
-        yield belief
-        for step in range(self._steps if last is None else last):
-            if step in cells:
-                belief = belief.after_search([y * size + x for x, y in cells[step]])
-            belief = belief.after_drift(step)
-            yield belief
+        places, weights = self.particles.at(self.incident.seconds(time)), self.particles.weights
+        low, high = np.percentile(places, (0.1, 99.9), axis=0)
+        middle, half = (low + high) / 2, 0.6 * (high - low).max()
+        edges = [np.linspace(each - half, each + half, size + 1) for each in middle]
+        counts: Floats
+        counts, *_ = np.histogram2d(places[:, 0], places[:, 1], edges, weights=weights)
+        for _ in range(4):
+            for _ in range(2):
+                counts = (np.roll(counts, 1, axis=0) + 2 * counts + np.roll(counts, -1, axis=0)) / 4
+                counts = counts.T
+        return counts.T[::-1], middle - half, middle + half
 
     @property
-    def _steps(self) -> int:
-        """The steps until the last landing, or until the tracks end."""
-        landed = max(flight[-1].time for flight in self.flights)
-        steps = self.incident.layout.grid.scale.whole_steps((landed - self.first).total_seconds())
-        tracks = self.incident.layout.person.tracks
-        return steps if tracks is None else min(steps, tracks.steps)
+    def on_scene(self) -> datetime:
+        """When the first drone is at its commence search point."""
+        return min(flight[1].time for flight in self.flights)
+
+    @property
+    def landed(self) -> datetime:
+        """When the last drone lands."""
+        return max(flight[-1].time for flight in self.flights)
+
+    @cached_property
+    def orders(self) -> list[str]:
+        """For each drone, a line that can be read over a radio."""
+        lines = []
+        for number in range(len(self.flights)):
+            drone, kind, place, *rest = self.order(number).items()
+            flown = ", ".join(
+                f"{text} {name}" if name == "legs" else f"{name} {text}"
+                for name, text in rest
+                if text
+            )
+            lines.append(f"Drone {drone[1]}: {kind[1]}, {place[0]} {place[1]}, {flown} UTC.")
+        return lines
+
+    def order(self, number: int) -> dict[str, str]:
+        """What a drone is ordered, by the terms of the IAMSAR Manual."""
+        flight, pattern = self.flights[number], self.patterns[number]
+        first, scene, *_, last = flight
+        flown = max(len(flight) - 3, 1)
+        spacing, legs = f"{pattern.spacing:.0f} m", f"{flown}"
+        length = f"{pattern.length / 1000:.1f} km ({pattern.length / 1852:.1f} NM)"
+        if pattern.kind == PARALLEL:
+            count = (flown + 1) // 2
+            legs = " + ".join(
+                f"{each}" for each in (min(count, pattern.legs), count - pattern.legs) if each > 0
+            )
+        speed, toward = math.hypot(*pattern.drift) / KNOT, math.atan2(*pattern.drift)
+        return {
+            "drone": f"{number}",
+            "pattern": pattern.kind,
+            "commence search point": units.radioed((scene.latitude, scene.longitude)),
+            "first heading": f"{math.degrees(pattern.heading) % 360:03.0f}°",
+            "radius" if pattern.kind == SECTOR else "leg length": length
+            if pattern.kind != SQUARE
+            else spacing,
+            "track spacing": "" if pattern.kind == SECTOR else spacing,
+            "first turn": "starboard" if pattern.side > 0 else "port",
+            "legs": legs,
+            "moving": f"{math.degrees(toward) % 360:03.0f}° {speed:.1f} kn" if speed else "",
+            "height": f"{first.altitude:.0f} m",
+            "take-off": f"{first.time:%H:%M}",
+            "on scene": f"{scene.time:%H:%M}",
+            "landing": f"{last.time:%H:%M}",
+        }
+
+    @property
+    def assumptions(self) -> list[str]:
+        """What the probability of success assumes, in sentences."""
+        incident = self.incident
+        drift = "The person drifts as the tracks do."
+        if incident.tracks is None:
+            drift = (
+                f"The position is known to {incident.position_sd:.0f} m, the wind to "
+                f"{_speed(incident.wind_error)} and the current to "
+                f"{_speed(incident.current_error)} (standard deviations along each axis)."
+            )
+        blows = max(float(np.hypot(*incident.drone(0).wind(np.array([0.0])))[0]), 0.0)
+        return [
+            drift,
+            f"Drones fly {_speed(incident.speed)} in still air, the wind at their height is "
+            f"{_speed(blows)}, and a right-angle turn takes {incident.turn:g} s.",
+            f"They land after at most {(incident.endurance - incident.reserve) / 60:.0f} min.",
+            f"They find {incident.probability_of_detection:.0%} of those in a strip of "
+            f"{incident.swath:.0f} m, which already accounts for sea, light and visibility.",
+        ]
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Write the plan to a folder: GPX, KML, GeoJSON, CSV, a map as PNG and SVG, the incident.
+        """Write the plan to a folder: files for autopilots and people, a map, and the incident.
 
         Raises:
             ImportError: Matplotlib is missing.
             OSError: a file cannot be written.
         """
-        from DroneSwarmSearch.incident import chart, files
+        from DroneSwarmSearch.incident import chart, files, missions
 
         where = Path(folder)
         files.save(self, where)
+        missions.save(self, where)
         chart.save(self, where)
         self.incident.save(where / "incident.json")
 
 
-def _searched_cells(search: NamedSearch, policy: str) -> Ints:
-    """The cells (x, y) that the drones search in every second step, (n, drones, 2)."""
-    scenario = search.scenario
-    planner = PlannerPolicy(scenario, in_flight=True)
-    act = searching_in_flight(PosteriorGreedyPolicy(scenario).actions)
-    tracker, cells = planner.begin().tracker, list(search.drones)
-    searched: list[list[Cell]] = []
-    while tracker.step < scenario.timestep_limit:
-        if policy == "planner":
-            steps = planner.plan(tracker, cells)
-        else:
-            steps, _ = planner.simulated(act, tracker, cells)
-        for number, (cells, actions) in enumerate(steps):
-            if number % 2 == 0:
-                searched.append(cells)
-            tracker.update(cells, actions)
-        cells = planner.ahead(*steps[-1])
-    return np.array(searched)
+def _speed(speed: float) -> str:
+    """A speed in m/s and knots."""
+    return f"{speed:.2g} m/s ({speed / KNOT:.2g} kn)"
 
 
-def _waypoints(incident: Incident, cells: Ints) -> Iterator[Waypoint]:
-    """The waypoints of drones that search some cells, (n, drones, 2), as long as they can."""
-    grid, _, _, first, _ = incident.layout
-    speed, crossing = incident.speed, 2 * grid.scale.seconds_per_step
-    gap = grid.gap(speed)
-    points = grid.metres(cells)
-    base = grid.plane.metres(*incident.base)
-    distances = np.hypot(*np.moveaxis(points - base, -1, 0))  # (n, drones)
-    there = schedule(distances[0], speed, gap)
-    for count in range(len(points), 0, -1):
-        ended, back = crossing * (count - 1), schedule(distances[count - 1], speed, gap)
-        if np.all(there + ended + back <= incident.endurance):
-            break
-    for drone in range(incident.drones):
-        turning = turns(points[:count, drone])
-        way, home = distances[[0, count - 1], drone] / speed
-        begun, landed = -there[drone], ended + back[drone]
-        route = [
-            (begun, base, False),
-            (begun + way, points[0, drone], False),
-            *((crossing * each, points[each, drone], True) for each in turning),
-            (landed - home, points[count - 1, drone], True),
-            (landed, base, False),
-        ]
-        degrees = grid.plane.degrees(np.array([point for _, point, _ in route])).tolist()
-        for number, ((seconds, _, searching), place) in enumerate(zip(route, degrees, strict=True)):
-            is_last = number == len(route) - 1
-            if not is_last and route[number + 1][0] - seconds < 1e-3:
-                continue  # no wait here
-            latitude, longitude = place
-            when = first + timedelta(seconds=seconds)
-            yield Waypoint(drone, when, latitude, longitude, searching)
+def _part(weights: Floats, count: int) -> Floats:
+    part: Floats = weights[:count] / weights[:count].sum()
+    return part

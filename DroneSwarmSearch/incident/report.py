@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from datetime import datetime, timedelta
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,8 +26,10 @@ from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.drift.tracks import Tracks
 from DroneSwarmSearch.evaluation.suite import NamedSearch
-from DroneSwarmSearch.incident import units
-from DroneSwarmSearch.incident.flights import SearchGrid, Waypoint, in_utc, schedule
+from DroneSwarmSearch.incident import particles, units
+from DroneSwarmSearch.incident.flights import Waypoint, in_utc, legs_of
+from DroneSwarmSearch.incident.particles import Particles
+from DroneSwarmSearch.incident.patterns import Drone
 from DroneSwarmSearch.scenario import Cell, Scenario
 
 if TYPE_CHECKING:
@@ -39,37 +43,23 @@ FASTEST_WIND, FASTEST_CURRENT = 60.0, 5.0
 FARTHEST = 100_000.0
 """The largest distance of the take-off position in metres; the plane is accurate up to there."""
 
-MOST_STATES = 40_000
-"""The most cells times hypotheses: planning for more takes minutes and gigabytes."""
+WIND_EXPONENT = 0.11
+"""Winds over the open sea grow with height z as (z / 10 m)^0.11: S. Hsu, E. Meindl, D. Gilhousen,
+J. Appl. Meteor. 33:757 (1994)."""
 
-LEAST_SIZE = 12
-"""Cells along each side of the smallest grid."""
+APART = 20.0
+"""Metres of height between drones."""
+
+SHORTEST_STEP, MOST_STEPS = 15.0, 400
+"""Of the particles during flights, in seconds; and how many there are."""
+
+GRID_PARTICLES, LEAST_CELLS, MOST_CELLS = 10_000, 12, 48
+"""Of the search on a grid: its particles, and the fewest and most cells along each side."""
 
 STARTS_HOLD = 0.9
 """The drones begin in cells of the smallest area that holds this share of the probability."""
 
-LEAST_STEPS = 20
-"""Of a search; with less time, drones cannot fly it."""
-
 _COURSE_PARTS = 32
-
-
-class Layout(NamedTuple):
-    """How an incident becomes a search.
-
-    Attributes:
-        grid: the grid.
-        person: the person on it.
-        starts: the cells in which the drones begin to search.
-        first: when that is, step 0.
-        limit: the steps for which they may search.
-    """
-
-    grid: SearchGrid
-    person: Person
-    starts: tuple[Cell, ...]
-    first: datetime
-    limit: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,26 +70,38 @@ class Incident:
     lengths are in metres, durations in seconds and
     speeds in m/s. Times are datetimes with a time zone, or text such as "2026-03-01T05:30Z".
 
+    Quantities may be text with units, such as "20 kn", "0.5 NM" and "45 min".
+
     Attributes:
         position: the last known position.
         time: when the person was there.
         position_sd: its standard deviation along each axis; 926 m, half a nautical mile, is usual
             for a position reported by an aircraft, and tens of metres for GPS.
         object_class: a key of `leeway.CLASSES`, such as "PIW-1", a person in the water.
-        wind: (east, north), where it blows to, see `leeway.wind_from`; or a mapping of seconds
-            after `time` to winds.
-        current: (east, north), where it flows to, see `leeway.current_towards`; or a mapping.
-        tracks: a file of a drift simulation, see `Tracks.read`, in place of class, wind and
-            current. Position and time are by default the mean of its first positions, and when.
-        start: when the first drone takes off; by default an hour after `time`.
+        wind: where it comes from and its speed, at 10 m: "300 25kn", or "NW 12 m/s"; or (east,
+            north), where it blows to. One that changes is a list of texts with times, such as
+            ["300 25kn", "320 30kn@08:00Z"], a mapping of seconds after `time` to winds, or a CSV
+            file with the columns time, direction and speed. Between times it is interpolated.
+        current: the same, but the direction is where it flows to.
+        wind_error: the standard deviation along each axis of the error of the wind, constant in an
+            incident. By default 2 m/s, the target accuracy of satellite winds (EUMETSAT OSI SAF,
+            wind products); forecasts are no better.
+        current_error: that of the current. By default 0.13 m/s: a probable error of 0.3 kn, which
+            the IAMSAR Manual (volume II, appendix K) takes where none is known, divided by 1.18.
+        tracks: a file of a drift simulation, see `Tracks.read`, in place of class and current;
+            `wind` is then only that on the drones, by default none. Position and time are by
+            default the mean of its first positions, and when.
+        start: when the drones take off; by default an hour after `time`.
         drones: how many.
-        speed: of the drones over the ground, also while they search.
+        speed: their airspeed.
         swath: the width of the strip that a drone sees.
         probability_of_detection: that a drone which flies over the person, within the strip, finds
             the person; from 0 to 1.
         endurance: of a drone, from take-off to landing.
+        reserve: what must be left of the endurance at the landing.
         base: where the drones take off and land; by default the last known position.
-        altitude: of the flight above the sea.
+        altitude: of the first drone above the sea; each further one flies 20 m higher.
+        turn: seconds in which a drone turns by a right angle.
         flown: earlier flights, see `after`.
 
     Raises:
@@ -110,39 +112,38 @@ class Incident:
 
     position: Any = None
     time: Any = None
-    position_sd: float = 926.0
+    position_sd: Any = 926.0
     object_class: str | None = None
     wind: Any = None
     current: Any = (0.0, 0.0)
+    wind_error: Any = 2.0
+    current_error: Any = 0.13
     tracks: Any = None
     start: Any = None
     drones: int = 3
-    speed: float = 20.0
-    swath: float = 200.0
+    speed: Any = 20.0
+    swath: Any = 200.0
     probability_of_detection: float = 0.8
-    endurance: float = 2700.0
+    endurance: Any = 2700.0
+    reserve: Any = 0.0
     base: Any = None
-    altitude: float = 100.0
+    altitude: Any = 100.0
+    turn: Any = 4.0
     flown: Any = ()
 
     def __post_init__(self) -> None:
-        position, time, tracks = self.position, self.time, self.tracks
-        if tracks is not None:
-            from DroneSwarmSearch.drift.track_files import first_known
-
-            for name in ("object_class", "wind"):
-                if getattr(self, name) is not None:
-                    raise ValueError(f"{name} cannot be given together with tracks")
-            if not Path(tracks).is_file():
-                raise ValueError(f"tracks must name a file, but there is no {str(tracks)!r}")
-            known, began = first_known(Path(tracks))
-            tracks, position, time = os.fspath(tracks), position or known, time or began
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        typed = {name: values[name] for name in ("position", "base") if values[name] is not None}
+        if self.tracks is not None:
+            self._with_tracks(values)
         elif self.wind is None or self.object_class is None:
             raise ValueError(
                 "object_class and wind must be given, or tracks in their place, got "
                 f"object_class={self.object_class!r}, wind={self.wind!r}"
             )
-        place, when = _position("position", position), in_utc("time", time)
+        else:
+            leeway.class_of(self.object_class)
+        place, when = _position("position", values["position"]), in_utc("time", values["time"])
         base = place if self.base is None else _position("base", self.base)
         away = float(np.hypot(*TangentPlane(*place).metres(*base)))
         if not away <= FARTHEST:
@@ -153,98 +154,185 @@ class Incident:
         start = when + timedelta(hours=1) if self.start is None else in_utc("start", self.start)
         if start < when:
             raise ValueError(f"start must not be before time, {when}, got {start}")
-        values = {
-            "position": place,
-            "time": when,
-            "position_sd": checks.real("position_sd", self.position_sd, 0),
-            "tracks": tracks,
-            "start": start,
-            "drones": checks.integer("drones", self.drones, 1, 50),
-            "speed": checks.positive("speed", self.speed),
-            "swath": checks.positive("swath", self.swath),
-            "probability_of_detection": checks.real(
-                "probability_of_detection", self.probability_of_detection, 0, 1
-            ),
-            "endurance": checks.positive("endurance", self.endurance),
-            "base": base,
-            "altitude": checks.real("altitude", self.altitude, 0),
-            "flown": tuple(
-                tuple(
-                    Waypoint(drone, in_utc("flown", when), *rest) for drone, when, *rest in flight
-                )
-                for flight in self.flown
-            ),
-        }
-        if tracks is None:
-            values["wind"] = _flow("wind", self.wind, FASTEST_WIND)
-            values["current"] = _flow("current", self.current, FASTEST_CURRENT)
+        values.update(position=place, time=when, base=base, start=start)
+        for name, (kind, low) in QUANTITIES.items():
+            given = values[name]
+            if isinstance(given, str):
+                try:
+                    given = units.quantity(given, kind)
+                except ValueError as error:
+                    raise ValueError(f"{name}: {error}") from None
+            values[name] = (checks.positive if low else checks.real)(name, given)
+            if values[name] < 0:
+                checks.real(name, given, 0)
+        values["drones"] = checks.integer("drones", self.drones, 1, 50)
+        detection = self.probability_of_detection
+        values["probability_of_detection"] = checks.real(
+            "probability_of_detection", detection, 0, 1
+        )
+        if values["reserve"] >= values["endurance"]:
+            raise ValueError(
+                f"reserve must be less than the endurance, {values['endurance']:g} s, got "
+                f"{values['reserve']:g} s"
+            )
+        for name, of, fastest in FLOWS:
+            if values[name] is not None:
+                values[name] = _flow(name, values[name], of, fastest, when)
+        values["flown"] = tuple(
+            tuple(Waypoint(in_utc("flown", when), *rest) for when, *rest in flight)
+            for flight in self.flown
+        )
         for name, value in values.items():
             object.__setattr__(self, name, value)
-        if tracks is None:
-            leeway.class_of(self.object_class)
+        object.__setattr__(self, "_typed", typed)
 
-    # The search.
+    def _with_tracks(self, values: dict[str, Any]) -> None:
+        """Complete and check the values of an incident with tracks."""
+        from DroneSwarmSearch.drift.track_files import first_known
 
-    def scenario(self) -> Scenario:
-        """The search as a `Scenario`, on a grid that holds more than 99% of the map at all times.
-
-        Cells are as wide as the strip that a drone sees, or several times as wide if the area is
-        large, and a drone crosses one in two steps.
-        """
-        return self.search().scenario
-
-    def search(self) -> NamedSearch:
-        """The search with its start cells and its `Scale`; its `reason` is the incident."""
-        layout = self.layout
-        scenario = Scenario(
-            layout.grid.size,
-            self.drones,
-            persons=(layout.person,),
-            timestep_limit=layout.limit,
-            bayesian_update=True,
+        if self.object_class is not None:
+            raise ValueError("object_class cannot be given together with tracks")
+        if not Path(self.tracks).is_file():
+            raise ValueError(f"tracks must name a file, but there is no {str(self.tracks)!r}")
+        known, began = first_known(Path(self.tracks))
+        values.update(
+            tracks=os.fspath(self.tracks),
+            position=known if self.position is None else self.position,
+            time=began if self.time is None else self.time,
+            wind=(0.0, 0.0) if self.wind is None else self.wind,
         )
-        return NamedSearch("incident", self.sentence, scenario, layout.starts, layout.grid.scale)
 
     @property
     def sentence(self) -> str:
         """The incident in a sentence."""
-        who = f"Tracks of {self.tracks}" if self.tracks else f"{self.object_class}"
-        text = f"{who} at {units.radioed(self.position)}, {self.time:%Y-%m-%d %H:%M} UTC"
-        for name, flow in (("wind", self.wind), ("current", self.current)):
-            if isinstance(flow, Mapping):
-                text += f", {name} as forecast"
-            elif flow is not None and any(flow) and not self.tracks:
-                turned = 180.0 if name == "wind" else 0.0
-                degrees = round(math.degrees(math.atan2(*flow)) + turned) % 360
-                towards = "from" if name == "wind" else "to"
-                text += f", {name} {towards} {degrees:03}° {math.hypot(*flow) / leeway.KNOT:.2g} kn"
+        text = f"{self.target} at {units.radioed(self.position)}, {self.time:%Y-%m-%d %H:%M} UTC"
+        for name, toward in (("wind", "from"), ("current", "to")):
+            flow = getattr(self, name)
+            if isinstance(flow, Mapping) or any(flow):
+                spoken = [
+                    f"{degrees:03.0f}° {speed / leeway.KNOT:.2g} kn ({speed:.2g} m/s)"
+                    + f" at {self.time + timedelta(seconds=seconds):%H:%M}"
+                    * isinstance(flow, Mapping)
+                    for seconds, degrees, speed in self._courses(name)
+                ]
+                text += f", {name} {toward} {', '.join(spoken)}"
         return text + f"; {self.drones} drone{'s' * (self.drones > 1)} from {self.start:%H:%M}."
 
-    def locate(self, cell: ArrayLike) -> Floats:
-        """The (latitude, longitude) in degrees of cells (x, y), real numbers: (..., 2)."""
-        grid = self.layout.grid
-        return grid.plane.degrees(grid.metres(cell))
+    @property
+    def target(self) -> str:
+        """What is searched for, in words."""
+        if self.tracks is not None:
+            return f"Tracks of {Path(self.tracks).name}"
+        kind = leeway.class_of(self.object_class)
+        return f"{kind.description.removesuffix(' (mean values)')} ({kind.name})"
 
-    def cell_of(self, latitude: ArrayLike, longitude: ArrayLike) -> Floats:
-        """The cells (x, y), real numbers, (..., 2), of positions in degrees; also off the grid."""
-        grid = self.layout.grid
-        return grid.cells(grid.plane.metres(latitude, longitude))
+    def _courses(self, name: str) -> list[tuple[float, float, float]]:
+        """The times in seconds, directions in degrees and speeds in m/s of a wind or current."""
+        flow, turned = getattr(self, name), 180.0 if name == "wind" else 0.0
+        return [
+            (
+                time,
+                round((math.degrees(math.atan2(*each)) + turned) % 360, 6) % 360,
+                math.hypot(*each),
+            )
+            for time, each in (flow if isinstance(flow, Mapping) else {0.0: flow}).items()
+        ]
+
+    # The particles and the drones.
+
+    @cached_property
+    def plane(self) -> TangentPlane:
+        """The plane of all metres; it touches the earth in the middle of the area."""
+        return TangentPlane(*_sailed(self.position, self._away))
+
+    @cached_property
+    def _away(self) -> Floats:
+        """How far the persons drift on average until half-way through the flights, in metres."""
+        if self.tracks is not None:
+            return np.zeros(2)
+        middle = self.seconds(self.start) + self.endurance / 2
+        return self._drifted(2000, 2, middle, 1.0, 1).mean(middle)
+
+    def seconds(self, time: datetime) -> float:
+        """Seconds from the last known position to a time."""
+        return float((time - self.time).total_seconds())
+
+    def particles(self, n: int, seed: int) -> Particles:
+        """Possible persons during all flights, weighted by what earlier ones have missed.
+
+        Args:
+            n: how many, or fewer if there are not so many tracks.
+            seed: of the random numbers; 0 and 1 take different tracks.
+        """
+        begin = self.seconds(min([self.start, *(flight[0].time for flight in self.flown)]))
+        duration = self.seconds(self.start) + self.endurance - begin
+        step = max(SHORTEST_STEP, duration / MOST_STEPS)
+        count = math.ceil(duration / step) + 1
+        if self.tracks is None:
+            cloud = self._drifted(n, seed, begin, step, count)
+            cloud.positions[...] -= self._away.astype(np.float32)[:, None, None]
+        else:
+            from DroneSwarmSearch.drift.track_files import positions
+
+            cells, *_ = positions(
+                Path(self.tracks),
+                Scale(1.0, step),
+                origin=self.position,
+                cell=(0.0, 0.0),
+                start=(self.time + timedelta(seconds=begin)).isoformat(),
+                steps=count - 1,
+                diffusivity=0.0,
+                seed=0,
+            )
+            some = (cells[:, seed % 2 :: 2] * (1, -1))[:, :n].astype(np.float32)
+            weights = np.full(some.shape[1], 1.0 / some.shape[1])
+            cloud = Particles(begin, step, np.ascontiguousarray(some.transpose(2, 0, 1)), weights)
+        weights = cloud.weights
+        for flight in self.flown:
+            legs = legs_of(flight, self.plane, self.time)
+            weights = weights * cloud.missed(legs, self.swath, self.probability_of_detection)
+        return replace(cloud, weights=weights / weights.sum())
+
+    def _drifted(self, n: int, seed: int, begin: float, step: float, count: int) -> Particles:
+        wind, current = series(self.wind), series(self.current)
+        return particles.drift(
+            leeway.class_of(self.object_class),
+            lambda time, _: wind([time]),
+            lambda time, _: current([time]),
+            begin=begin,
+            step=step,
+            count=count,
+            n=n,
+            seed=seed,
+            position_sd=self.position_sd,
+            wind_error=self.wind_error,
+            current_error=self.current_error,
+        )
+
+    def drone(self, number: int) -> Drone:
+        """A drone in the wind at its height; its times are in seconds after take-off."""
+        height = max(self.altitude + APART * number, 1.0)
+        wind, start = series(self.wind), self.seconds(self.start)
+        return Drone(
+            self.speed,
+            self.turn,
+            self.endurance - self.reserve,
+            self.plane.metres(*self.base),
+            lambda times: wind(start + times) * (height / 10.0) ** WIND_EXPONENT,
+        )
 
     # Plans.
 
-    def plan(self, policy: str = "planner") -> FlightPlan:
-        """Plan the flights of all drones, out, over the area and back.
-
-        Args:
-            policy: "planner", which takes a minute or two, or "greedy-posterior", which takes a
-                second and finds about as much.
+    def plan(self) -> FlightPlan:
+        """Plan the flights of all drones: out, a search pattern, and back.
 
         Raises:
-            ValueError: there is no such policy, or the drones cannot reach the area and return.
+            ImportError: the package cmaes, of the extra "plan", is missing.
+            ValueError: the drones cannot fly in that wind, or not reach the area and return.
         """
         from DroneSwarmSearch.incident.flight_plan import FlightPlan
 
-        return FlightPlan.of(self, policy)
+        return FlightPlan.of(self)
 
     def after(
         self,
@@ -268,7 +356,7 @@ class Incident:
 
             flights = files.read_csv(Path(flown))
         else:
-            flights = flown.flights
+            flights = [*flown.flights]
         landed = max(flight[-1].time for flight in flights)
         start = landed + timedelta(minutes=30) if at is None else in_utc("at", at)
         if start < landed:
@@ -278,11 +366,23 @@ class Incident:
     # Files.
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the incident as JSON: an object with its values, `tracks` as seen from the file."""
+        """Write the incident as JSON, to edit and to `read`; `tracks` as seen from the file."""
         values = {each.name: getattr(self, each.name) for each in fields(self)}
+        values |= self._typed  # type: ignore[attr-defined]
+        if self.base == self.position:
+            values["base"] = None
+        for name, _, _ in FLOWS:
+            texts = []
+            for seconds, degrees, speed in self._courses(name):
+                when = f"@{self.time + timedelta(seconds=seconds):%Y-%m-%dT%H:%MZ}"
+                texts.append(f"{degrees:g}° {speed / leeway.KNOT:.6g} kn{when}")
+            values[name] = texts if isinstance(values[name], Mapping) else texts[0].split("@")[0]
         if self.tracks is not None:
             values["tracks"] = os.path.relpath(self.tracks, Path(path).parent)
-        write_text(Path(path), json.dumps(values, indent=1, default=datetime.isoformat) + "\n")
+        write_text(
+            Path(path),
+            json.dumps(values, indent=1, default=datetime.isoformat, ensure_ascii=False) + "\n",
+        )
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Incident:
@@ -294,90 +394,100 @@ class Incident:
             data["tracks"] = str(Path(path).parent / data["tracks"])
         return cls(**data)
 
-    # The layout.
+    # The search on a grid.
+
+    def scenario(self) -> Scenario:
+        """The search on a grid, to train on or to play; its person drifts as the particles do.
+
+        A cell is as wide as the strip that a drone sees, or several times as wide if the area is
+        large, and a drone moves and searches while a real one crosses it in still air.
+        """
+        return self.search().scenario
+
+    def search(self) -> NamedSearch:
+        """The search with its start cells and its `Scale`; its `reason` is the incident."""
+        scenario, starts, scale, _ = self._on_grid
+        return NamedSearch("incident", self.sentence, scenario, starts, scale)
+
+    def locate(self, cell: ArrayLike) -> Floats:
+        """The (latitude, longitude) in degrees of cells (x, y), real numbers: (..., 2)."""
+        _, _, scale, middle = self._on_grid
+        return self.plane.degrees((np.asarray(cell) - middle) * (1, -1) * scale.metres_per_cell)
 
     @cached_property
-    def layout(self) -> Layout:
-        """The grid, the person on it, and when and where the search begins."""
-        plane, zero = TangentPlane(*self.position), np.zeros(2)
-        scale = Scale(self.swath, self.swath / (2 * self.speed))
-        steps = scale.whole_steps(self.endurance)
-        # The extent of the map in cells of a swath, with (0, 0) at the last known position.
-        person = self._person(zero, SearchGrid(plane, zero, scale, 0), self.start, steps)
-        low, high = person.extent(steps)
-        centre, widest = (low + high) / 2, float((high - low).max()) + 1
-        wide = math.ceil(widest / math.sqrt(MOST_STATES / len(person.weights)))
-        scale = Scale(wide * scale.metres_per_cell, wide * scale.seconds_per_step)
-        size = max(math.ceil(widest / wide) + 1, LEAST_SIZE)
-        # The plane touches the middle of the map, since far away north is another direction.
-        plane = TangentPlane(*_sailed(self.position, centre * (1, -1) * self.swath))
-        position = np.rint((size - 1) / 2 - centre / wide)
-        grid = SearchGrid(plane, position + centre / wide, scale, size)
-        return self._timed(grid, position)
-
-    def _timed(self, grid: SearchGrid, position: Floats) -> Layout:
-        """The layout on a grid, given the cell of the last known position."""
-        base = grid.plane.metres(*self.base)
-        gap = grid.gap(self.speed)
-        way = float(np.hypot(*base)) / self.speed + (self.drones - 1) * gap
-        guess = self._person(position, grid, self.start + _seconds(way), 1)
-        matrix = guess.model(grid.size).exact(0).reshape(-1)
-        likeliest = np.argsort(-matrix, kind="stable")
-        count = int(np.searchsorted(matrix[likeliest].cumsum(), STARTS_HOLD)) + 1
-        likeliest = likeliest[: max(count, self.drones)]
-        cells = np.stack([likeliest % grid.size, likeliest // grid.size], axis=1)
-        distances = np.hypot(*(grid.metres(cells) - base).T)
-        nearest = np.argsort(distances, kind="stable")[: self.drones]
-        there = float(schedule(distances[nearest], self.speed, gap).max())
-        limit = grid.scale.whole_steps(self.endurance - there - way) // 2 * 2
-        if limit < LEAST_STEPS:
-            raise ValueError(
-                f"endurance must leave time to search, got {self.endurance / 60:.0f} minutes, of "
-                f"which the way to the area and back takes {(there + way) / 60:.0f}: take off "
-                "nearer, or use drones that fly longer or faster"
-            )
-        first = self.start + _seconds(there)
-        person = self._person(position, grid, first, limit)
-        starts = tuple((x, y) for x, y in cells[nearest].tolist())
-        return Layout(grid, person, starts, first, limit)
-
-    def _person(self, position: Floats, grid: SearchGrid, first: datetime, steps: int) -> Person:
-        """The person of a search that begins at a time, for a number of steps.
-
-        `position` is the cell of the last known position.
-        """
-        scale = grid.scale
-        detected = self.probability_of_detection * self.swath / scale.metres_per_cell
-        cells = grid.searched(self.flown, first)
-        searched = [cells.get(step, []) for step in range(min([0, *cells]), 0)]
-        begin = first - _seconds(scale.seconds(len(searched)))
-        if self.tracks is not None:
-            tracks = Tracks.read(
-                self.tracks,
-                scale=scale,
-                origin=grid.plane.origin,
-                cell=tuple(grid.middle.tolist()),
-                start=begin,
-                steps=len(searched) + steps,
-            )
-            return Person((), detected, tracks=tracks, searched=searched)
-        assert self.object_class is not None
-        person = leeway.person(
-            self.object_class,
-            start=tuple(position.tolist()),
-            position_sd=self.position_sd,
-            wind=self.wind,
-            current=self.current,
-            adrift=(begin - self.time).total_seconds(),
-            search=scale.seconds(steps),
-            scale=scale,
-            probability_of_detection=detected,
+    def _on_grid(self) -> tuple[Scenario, tuple[Cell, ...], Scale, Floats]:
+        """The scenario, the start cells, the scale, and the cell (x, y) at the plane's origin."""
+        cloud, start = self.particles(GRID_PARTICLES, 0), self.seconds(self.start)
+        base = self.plane.metres(*self.base)
+        first = start + float(np.hypot(*(cloud.mean(start) - base))) / self.speed
+        last = max(2 * start + self.endurance - first, first + self.endurance / 10)
+        ends = np.percentile(
+            cloud.positions[:, cloud.rows(np.array([first, last]))], (0.25, 99.75), (1, 2)
         )
-        return replace(person, searched=searched)
+        wide = math.ceil((float((ends[1] - ends[0]).max()) / self.swath + 1) / MOST_CELLS)
+        metres = wide * self.swath
+        scale = Scale(metres, metres / (2 * self.speed))
+        size = max(math.ceil(float((ends[1] - ends[0]).max()) / metres) + 1, LEAST_CELLS)
+        middle = (size - 1) / 2 - ends.mean(axis=0) * (1, -1) / metres
+        limit = scale.whole_steps(last - first)
+        times = (first + scale.seconds_per_step * np.arange(limit + 1) - cloud.begin) / cloud.step
+        row = np.minimum(times.astype(np.int64), cloud.positions.shape[1] - 2)
+        part = (times - row)[:, None].astype(np.float32)
+        here, ahead = cloud.positions[:, row], cloud.positions[:, row + 1]
+        cells = np.stack(here + part * (ahead - here), axis=-1) * (1, -1) / metres + middle
+        tracks = Tracks(cells.clip(0, size - 1), cloud.weights)
+        detection = self.probability_of_detection / wide
+        # The drones begin in likely cells, those nearest to the base.
+        x, y = np.rint(tracks.positions[0].T).astype(np.int64)
+        mass = np.bincount(y * size + x, tracks.weights, size**2)
+        likely = np.argsort(-mass, kind="stable")
+        likely = likely[
+            : max(int(np.searchsorted(mass[likely].cumsum(), STARTS_HOLD)) + 1, self.drones)
+        ]
+        places = np.stack([likely % size, likely // size], axis=1)
+        away = np.hypot(*((places - middle) * (1, -1) * metres - base).T)
+        nearest = places[np.argsort(away, kind="stable")[: self.drones]].tolist()
+        scenario = Scenario(
+            size,
+            self.drones,
+            persons=(Person((), detection, tracks=tracks, fine=1),),
+            timestep_limit=limit,
+            bayesian_update=True,
+        )
+        return scenario, tuple((x, y) for x, y in nearest), scale, middle
 
 
-def _seconds(seconds: float) -> timedelta:
-    return timedelta(seconds=seconds)
+QUANTITIES: dict[str, tuple[units.Units, bool]] = {
+    "position_sd": (units.LENGTH, False),
+    "wind_error": (units.SPEED, False),
+    "current_error": (units.SPEED, False),
+    "speed": (units.SPEED, True),
+    "swath": (units.LENGTH, True),
+    "endurance": (units.TIME, True),
+    "reserve": (units.TIME, False),
+    "altitude": (units.LENGTH, False),
+    "turn": (units.TIME, False),
+}
+"""The units of quantities, and whether they must be above 0 and not only at least 0."""
+
+FLOWS = (
+    ("wind", leeway.wind_from, FASTEST_WIND),
+    ("current", leeway.current_towards, FASTEST_CURRENT),
+)
+
+
+def series(flow: Any) -> Callable[[Any], Floats]:
+    """A wind or current of an incident as a function of times in seconds, (n,): (2, n)."""
+    points = flow if isinstance(flow, Mapping) else {0.0: flow}
+    times, vectors = [*points], np.array([*points.values()])
+    return lambda at: np.stack([np.interp(at, times, column) for column in vectors.T])
+
+
+def stronger(flow: Any, by: float) -> Any:
+    """A wind or current of an incident that is so many m/s stronger at all times."""
+    if isinstance(flow, Mapping):
+        return {time: stronger(each, by) for time, each in flow.items()}
+    return tuple(each * (1.0 + by / max(math.hypot(*flow), 1e-9)) for each in flow)
 
 
 def _sailed(position: Pair, away: Floats) -> Pair:
@@ -408,16 +518,62 @@ def _position(name: str, value: object) -> Pair:
     return latitude, longitude
 
 
-def _flow(name: str, value: Any, fastest: float) -> Any:
-    """A wind or current: one vector, or a mapping of seconds to vectors."""
+def _flow(
+    name: str, value: Any, of: Callable[[float, float], Pair], fastest: float, since: datetime
+) -> Any:
+    """A wind or current: one vector, or a mapping of seconds, in their order, to vectors."""
+    if isinstance(value, str) and value.lower().endswith(".csv"):
+        value = _read_flow(name, Path(value))
+    if isinstance(value, str):
+        value = [value]
+    if isinstance(value, (list, tuple)) and any(isinstance(each, str) for each in value):
+        value = dict(_timed(name, each, since) for each in value)
+        if [*value] == [None]:
+            value = value[None]
     if isinstance(value, Mapping):
-        return {
-            float(time): _flow(f"{name}[{time}]", each, fastest) for time, each in value.items()
+        named = {
+            0.0 if time is None else checks.real(f"a time of {name}", time): _flow(
+                f"{name}[{time}]", each, of, fastest, since
+            )
+            for time, each in value.items()
         }
-    flow = checks.pair(name, value, "(east, north) in m/s, or a mapping of seconds to them")
+        return {time: named[time] for time in sorted(named)}
+    if isinstance(value, str):
+        direction, _, speed = value.replace(",", " ").strip().partition(" ")
+        try:
+            value = of(units.direction(direction), units.quantity(speed, units.SPEED))
+        except ValueError as error:
+            raise ValueError(f"{name} must be such as 300 25kn or NW 12m/s: {error}") from None
+    what = '(east, north) in m/s, text such as "300 25kn", or a series of these'
+    flow = checks.pair(name, value, what)
     if math.hypot(*flow) > fastest:
         raise ValueError(
             f"{name} must be at most {fastest:g} m/s fast, got {math.hypot(*flow):.4g} m/s; "
             "1 kn is 0.514 m/s"
         )
     return flow
+
+
+def _timed(name: str, text: str, since: datetime) -> tuple[float | None, str]:
+    """The seconds and the rest of a text such as "320 30kn@08:00Z"; None without a time."""
+    flow, has_time, time = text.partition("@")
+    if not has_time:
+        return None, flow
+    if clock := re.fullmatch(r"(\d\d?):?(\d\d)Z?", time.strip(), re.IGNORECASE):
+        hour, minute = map(int, clock.groups())
+        seconds = (hour - since.hour) * 3600 + (minute - since.minute) * 60 - since.second
+        return float(seconds % 86400), flow
+    return (in_utc(name, time) - since).total_seconds(), flow
+
+
+def _read_flow(name: str, path: Path) -> list[str]:
+    """The rows of a CSV file with the columns time, direction and speed, as texts."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [*csv.DictReader(file, skipinitialspace=True)]
+        return [f"{each['direction']} {each['speed']}@{each['time']}" for each in rows]
+    except (OSError, KeyError) as error:
+        raise ValueError(
+            f"{name} must be a CSV file with the columns time, direction and speed, got {path}: "
+            f"{'no column ' if isinstance(error, KeyError) else ''}{error}"
+        ) from None

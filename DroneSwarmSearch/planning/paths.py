@@ -42,7 +42,6 @@ def values_to_go(
     gains: Floats,
     at_end: Floats,
     blocked: Sequence[Sequence[tuple[Any, ...]]] = (),
-    stays: Flags | None = None,
     again: Floats | None = None,
 ) -> Floats:
     """The most that a drone can gain from each step and cell on: shape (2, n + 1, ..., h, w).
@@ -55,7 +54,6 @@ def values_to_go(
         at_end: the value of each cell after the last step, (h, w); may be `FORBIDDEN`.
         blocked: for each step, the cells y * w + x that a drone must not be in after it, as
             indices of an array of shape (..., h * w); none by default.
-        stays: for each step, whether the drone must stay and search; by default, it is free.
         again: gains of searching a cell directly after a search of it; by default, the same.
     """
     n = len(gains)
@@ -70,9 +68,6 @@ def values_to_go(
         (ahead, searched), (here, here_again) = values[:, step + 1], values[:, step]
         # A drone that waits searches, since gains are never negative.
         np.add(again[step], searched, out=here_again)
-        if stays is not None and stays[step]:
-            np.add(gains[step], searched, out=here)
-            continue
         here[..., :1, :] = FORBIDDEN
         here[..., 1:, :] = ahead[..., :-1, :]
         np.maximum(here[..., :-1, :], ahead[..., 1:, :], out=here[..., :-1, :])
@@ -88,7 +83,6 @@ def best_paths(
     values: Floats,
     starts: Ints,
     which: Ints,
-    stays: Flags | None = None,
     again: Floats | None = None,
 ) -> tuple[Ints, Flags]:
     """Paths that gain as much as possible, given the result of `values_to_go`.
@@ -100,7 +94,6 @@ def best_paths(
         values: the result of `values_to_go`.
         starts: the first cell y * w + x of each path: (m,).
         which: the gains that count for each path: (m,).
-        stays: as in `values_to_go`.
         again: as in `values_to_go`.
 
     Returns:
@@ -114,19 +107,15 @@ def best_paths(
     again = gains if again is None else again
     just_searched = np.zeros(len(starts), np.bool_)
     for step in range(n):
-        if stays is not None and stays[step]:
-            searches[step] = True
-        else:
-            place = first + here
-            gain = np.where(just_searched, again[step].take(place), gains[step].take(place))
-            ahead = ahead_of[:, here]
-            options = np.where(ahead == here, FORBIDDEN, values[0, step + 1].take(first + ahead))
-            options[0] = gain + values[1, step + 1].take(place)
-            chosen = options.argmax(axis=0)
-            just_searched = chosen == 0
-            searches[step] = just_searched & (gain > 0.0)
-            here = ahead[chosen, np.arange(len(here))]
-        cells[step + 1] = here
+        place = first + here
+        gain = np.where(just_searched, again[step].take(place), gains[step].take(place))
+        ahead = ahead_of[:, here]
+        options = np.where(ahead == here, FORBIDDEN, values[0, step + 1].take(first + ahead))
+        options[0] = gain + values[1, step + 1].take(place)
+        chosen = options.argmax(axis=0)
+        just_searched = chosen == 0
+        searches[step] = just_searched & (gain > 0.0)
+        cells[step + 1] = here = ahead[chosen, np.arange(len(here))]
     return cells, searches
 
 

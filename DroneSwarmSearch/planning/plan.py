@@ -68,25 +68,15 @@ TRIAL_COST, STEP_COST, VALUE_COST = 130e-6, 75e-6, 9e-9
 class Plan:
     """The drones' paths over the next n steps, from the episode's step `first` on.
 
-    With `in_flight`, drones search in every even step of the episode, and in no other.
-
     Attributes:
         paths: the current paths; no two drones are ever in one cell.
     """
 
-    def __init__(
-        self,
-        targets: Sequence[Target],
-        first: int,
-        paths: Sequence[Path],
-        *,
-        in_flight: bool = False,
-    ) -> None:
+    def __init__(self, targets: Sequence[Target], first: int, paths: Sequence[Path]) -> None:
         self._steps, self._size = len(targets[0].worth), targets[0].belief.shape[-1]
         self.paths = [Path(path.cells.copy(), path.searches.copy()) for path in paths]
         self._passes = [Passes(target, first, self.paths) for target in targets]
         self._boxed = all(target.chain.matrices(first) for target in targets)
-        self._stays = np.arange(first, first + self._steps) % 2 == 0 if in_flight else None
 
     def found(self) -> list[Floats]:
         """The probability that the plan finds each target in each step, (n,)."""
@@ -142,8 +132,6 @@ class Plan:
             rng: the random numbers.
         """
         steps, size, is_tail = end - begin, self._size, end == self._steps
-        stays = None if self._stays is None else self._stays[begin:end]
-        moves = steps if stays is None else int(np.sum(~stays))
         # [step, drone]
         cells = np.array([path.cells[begin : end + 1] for path in self.paths]).T
         searches = np.array([path.searches[begin:end] for path in self.paths]).T
@@ -153,12 +141,12 @@ class Plan:
         if is_tail:
             old_goals = goals = np.full_like(goals, -1)
         elif members > 1:
-            can = (distance(starts, goals[:, ::-1], size) <= moves).all(axis=1)
+            can = (distance(starts, goals[:, ::-1], size) <= steps).all(axis=1)
             exchanges = can & (rng.random(count) < EXCHANGES)
             goals[exchanges] = goals[exchanges, ::-1]
         ways = np.hstack([starts, starts]), np.hstack([old_goals, goals])
-        reach = Boxes.around(*ways, moves, 0, size)
-        boxes = Boxes.around(*ways, moves, steps // 2, size)
+        reach = Boxes.around(*ways, steps, 0, size)
+        boxes = Boxes.around(*ways, steps, steps // 2, size)
         windows = [Window(passes, begin, steps, boxes) for passes in self._passes]
         values = steps * sum(window.cells for window in windows)
         candidates = min(max(VALUES // values, FEWEST), MOST)
@@ -174,14 +162,12 @@ class Plan:
             gains = windows[0].gains(reach)
             for window in windows[1:]:
                 gains = gains + window.gains(reach)
-            if stays is not None:
-                gains[:, ~stays] = 0.0
             many = (steps, count, candidates, reach.height, reach.width)
             some = factors[int(rng.integers(NOISE)) :][: math.prod(many)]
             gains = np.maximum(gains, 0.0) * np.resize(some, many)  # below 0 by rounding errors
             ends = -1 if is_tail else reach.numbers(goals[:, place])
             begins = reach.numbers(cells[0, drones])
-            paths, looks, possible = _best(gains, begins, ends, taken, stays)
+            paths, looks, possible = _best(gains, begins, ends, taken)
             for indices, here in zip(taken, paths[1:], strict=True):
                 indices.append((*np.indices(here.shape), here))
             paths, is_last = reach.cells(paths), place == members - 1
@@ -252,7 +238,6 @@ def _best(
     starts: Ints,
     ends: Any,
     taken: Sequence[Sequence[tuple[Any, ...]]],
-    stays: Flags | None,
 ) -> tuple[Ints, Flags, Flags]:
     """The best paths for some gains, see `paths`; and whether each can get there.
 
@@ -262,7 +247,6 @@ def _best(
         starts: the first cell of the paths in a box, (K,).
         ends: their last cell, (K,), or -1 if it does not matter.
         taken: for each step, the cells of others after it.
-        stays: see `values_to_go`.
     """
     count, candidates, height, width = gains.shape[2:]
     at_end = np.zeros((count, 1, height * width))
@@ -270,11 +254,11 @@ def _best(
         at_end += FORBIDDEN
         at_end[np.arange(count), 0, ends] = 0.0
     at_end = at_end.reshape(count, 1, height, width)
-    values = values_to_go(gains[0], at_end, taken, stays, gains[1])
+    values = values_to_go(gains[0], at_end, taken, gains[1])
     flat = count * candidates, height, width
     gains, values = gains.reshape(2, -1, *flat), values.reshape(2, -1, *flat)
     starts, which = starts.repeat(candidates), np.arange(count * candidates)
-    cells, searches = best_paths(gains[0], values, starts, which, stays, gains[1])
+    cells, searches = best_paths(gains[0], values, starts, which, gains[1])
     possible = values[0, 0].take(which * (height * width) + starts) > FORBIDDEN
     return (
         cells.reshape(-1, count, candidates),

@@ -30,18 +30,6 @@ Act = Callable[[BeliefTracker, list[Cell]], Sequence[int]]
 """Chooses the drones' actions, given the beliefs and their cells."""
 
 
-def searching_in_flight(act: Act) -> Act:
-    """Search in every even step, and move as `act` does in the odd ones."""
-
-    def chosen(tracker: BeliefTracker, cells: list[Cell]) -> Sequence[int]:
-        if tracker.step % 2 == 0:
-            return [Action.SEARCH] * len(cells)
-        moves = act(tracker, cells)
-        return [Action.IDLE if each == Action.SEARCH else each for each in moves]
-
-    return chosen
-
-
 @dataclass
 class PlannedSearch:
     """A search and its plan, which searches share.

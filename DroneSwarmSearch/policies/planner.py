@@ -30,7 +30,6 @@ from DroneSwarmSearch.policies.planned import (
     Act,
     PlannedPolicy,
     PlannedStep,
-    searching_in_flight,
 )
 from DroneSwarmSearch.rules import Action
 from DroneSwarmSearch.scenario import Cell, Scenario
@@ -73,27 +72,20 @@ class PlannerPolicy(PlannedPolicy):
         scenario: the parameters of every search to steer.
         seconds: the work to improve a plan, in seconds on a fast idle core; shared machines take
             two to four times as long.
-        in_flight: whether drones search in even steps and move in odd ones, which stands for
-            drones that search while they fly and cross a cell in two steps.
 
     Raises:
         TypeError: `scenario` is not a `Scenario`, or `seconds` is not a number.
         ValueError: `seconds` is negative.
     """
 
-    def __init__(
-        self, scenario: Scenario, *, seconds: float = SECONDS, in_flight: bool = False
-    ) -> None:
+    def __init__(self, scenario: Scenario, *, seconds: float = SECONDS) -> None:
         super().__init__(scenario)
         self._seconds = checks.real("seconds", seconds, 0.0)
-        self._in_flight = in_flight
-        self._acts: list[Act] = [PosteriorGreedyPolicy(scenario).actions]
-        self._network: ImitationPolicy | None = None
-        if in_flight:  # where greedy search on the forecast finds no more, and takes minutes
-            self._acts = [*map(searching_in_flight, self._acts)]
-        else:
-            self._acts.append(ForecastGreedyPolicy(scenario).actions)
-            self._network = ImitationPolicy(scenario)
+        self._acts: list[Act] = [
+            PosteriorGreedyPolicy(scenario).actions,
+            ForecastGreedyPolicy(scenario).actions,
+        ]
+        self._network = ImitationPolicy(scenario)
 
     def prepare(self, drones_positions: object) -> None:
         """Make the first plan now, so that copies and pickles of the policy include it."""
@@ -112,12 +104,10 @@ class PlannerPolicy(PlannedPolicy):
     def _initial(self, tracker: BeliefTracker, cells: list[Cell]) -> list[list[PlannedStep]]:
         """The paths of other policies."""
         acts = [*self._acts]
-        if self._network is not None and tracker.step == 0:
+        if tracker.step == 0:
             acts += [_acting(kind(self.scenario)) for kind in INITIAL]
         plans = [self.simulated(act, tracker, cells)[0] for act in acts]
-        if self._network is not None:
-            plans.append(self._network.plan(tracker, cells))
-        return plans
+        return [*plans, self._network.plan(tracker, cells)]
 
     def _improved(
         self, tracker: BeliefTracker, initial: list[list[Path]], report: Report
@@ -144,7 +134,7 @@ class PlannerPolicy(PlannedPolicy):
         if everyone:  # the gradient of the logarithm of the product
             for target, found in zip(targets, Plan(targets, step, best).found(), strict=True):
                 target.worth /= found.sum() or 1.0
-        plan = Plan(targets, step, best, in_flight=self._in_flight)
+        plan = Plan(targets, step, best)
         seconds = self._seconds * (AFTER_FIND if step % HORIZON else 1.0)
         plan.anneal(seconds, np.random.default_rng(0), report)
         return max(plan.paths, best, key=success)

@@ -1,0 +1,211 @@
+"""The choice of a search pattern for each drone, by CMA-ES on particles.
+
+N. Hansen and A. Ostermeier, Completely derandomized self-adaptation in evolution strategies,
+Evolutionary Computation 9:159 (2001).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch.incident.particles import Particles
+from DroneSwarmSearch.incident.patterns import (
+    KINDS,
+    PARALLEL,
+    SLOWEST,
+    Drone,
+    Pattern,
+    ground_speed,
+)
+
+POPULATION, GENERATIONS = 8, 25
+"""Of a run of CMA-ES."""
+
+SAMPLES, STARTS = 64, 3
+"""Patterns drawn at random for a drone, and how many of the best ones are improved."""
+
+FIRST, LATER = 0.4, 0.15
+"""The standard deviations with which CMA-ES begins: from drawn patterns, and from chosen ones."""
+
+SHARES = 0.7, 0.15, 0.15
+"""How often each kind of pattern is drawn."""
+
+TRIES = 10
+"""How many patterns are drawn for each that can be flown, before the incident is refused."""
+
+
+class Guess(NamedTuple):
+    """A pattern relative to the area, so that it can be tried in another incident.
+
+    Attributes:
+        kind: of the pattern, one of `KINDS`.
+        moving: whether its points move with the mean drift.
+        side: 1 if the drone turns to starboard, -1 if to port.
+        numbers: the centre (x, y), the heading, and the logarithms of the legs' length, of the
+            width and of the spacing, relative to what is usual: float64, (6,).
+    """
+
+    kind: str
+    moving: bool
+    side: int
+    numbers: Floats
+
+
+class Area:
+    """Where persons may be during the flights, and what patterns there would find.
+
+    Args:
+        particles: the possible persons.
+        drones: the drones.
+        start: when they take off.
+        swath: see `Incident`.
+        detection: the probability of detection.
+
+    Raises:
+        ValueError: no drone can search the area.
+    """
+
+    def __init__(
+        self,
+        particles: Particles,
+        drones: Sequence[Drone],
+        start: float,
+        swath: float,
+        detection: float,
+    ) -> None:
+        self._particles, self.drones, self._start = particles, drones, start
+        self._swath, self._detection = swath, detection
+        half, weights = drones[0].endurance / 2, particles.weights
+        self._away = particles.mean(start + 2 * half) - particles.mean(start)
+        places = particles.at(start + half)
+        self._middle = weights @ places
+        off = places - self._middle
+        self._root = np.linalg.cholesky((weights * off.T) @ off + np.eye(2))
+        self._size = np.sqrt(swath * drones[0].airspeed * 1.4 * half)
+
+    def pattern(self, guess: Guess) -> Pattern:
+        """The pattern of a guess."""
+        kind, moving, side, (x, y, heading, length, width, spacing) = guess
+        drift = self._away / self.drones[0].endurance * moving
+        centre = self._middle + self._root @ [x, y] - self._away / 2 * moving
+        heading = heading * np.pi / 2 % (2 * np.pi)
+        apart = self._swath * np.exp(np.clip(0.2 * spacing, -1.0, 1.0))
+        long = max(self._size * np.exp(np.clip(length / 2, -3.0, 2.0)), self._swath)
+        legs = 1
+        if kind == PARALLEL:
+            across = self._size * np.exp(np.clip(width / 2, -3.0, 2.0)) / apart
+            legs = max(round(float(across)), 1)
+            along = np.array([np.sin(heading), np.cos(heading)])
+            centre = centre - along * long / 2
+            centre = centre - (along[::-1] * [1, -1]) * side * (legs - 1) * apart / 2
+        return Pattern(kind, centre, float(heading), float(long), float(apart), legs, side, drift)
+
+    def missed(self, drone: Drone, guess: Guess | None) -> Floats | None:
+        """The probability that a drone misses each particle; None if it cannot fly the pattern."""
+        flight = None if guess is None else drone.fly(self.pattern(guess))
+        if flight is None:
+            return None
+        flight[:, 0] += self._start
+        return self._particles.missed(searched(flight), self._swath, self._detection)
+
+    def best(
+        self, drone: Drone, others: Floats, near: Guess | None, rng: np.random.Generator
+    ) -> Guess:
+        """The best pattern of a drone, near another one or anywhere, given what others miss."""
+        import cmaes
+
+        weights = self._particles.weights * others
+
+        def left(guess: Guess) -> float:
+            missed = self.missed(drone, guess)
+            return 1.0 if missed is None else float(weights @ missed)
+
+        drawn = [near] if near else self._draw(drone, rng)
+        starts = sorted(((left(each), n) for n, each in enumerate(drawn)))[:STARTS]
+        best, chosen = starts[0][0], drawn[starts[0][1]]
+        for _, number in starts:
+            start = drawn[number]
+            search = cmaes.CMA(
+                mean=start.numbers,
+                sigma=FIRST if near is None else LATER,
+                population_size=POPULATION,
+                seed=int(rng.integers(2**31)),
+            )
+            for _ in range(GENERATIONS):
+                tried = [start._replace(numbers=search.ask()) for _ in range(POPULATION)]
+                values = [*map(left, tried)]
+                search.tell([(e.numbers, v) for e, v in zip(tried, values, strict=True)])
+                if (lowest := min(values)) < best:
+                    best, chosen = lowest, tried[values.index(lowest)]
+        return chosen
+
+    def _draw(self, drone: Drone, rng: np.random.Generator) -> list[Guess]:
+        """Random patterns that the drone can fly, or a ValueError if there are none."""
+        drawn: list[Guess] = []
+        for _ in range(TRIES * SAMPLES):
+            numbers = rng.normal(size=6) * [1, 1, 1.3, 0.7, 0.7, 0.5]
+            kind = KINDS[rng.choice(len(KINDS), p=SHARES)]
+            guess = Guess(kind, bool(rng.integers(2)), int(rng.choice([-1, 1])), numbers)
+            if drone.fly(self.pattern(guess)) is not None:
+                drawn.append(guess)
+                if len(drawn) == SAMPLES:
+                    break
+        if not drawn:
+            raise ValueError(self._refusal(drone))
+        return drawn
+
+    def _refusal(self, drone: Drone) -> str:
+        """Why no drone can search, and what would help."""
+        way, zero = (self._middle - drone.base)[:, None], np.zeros(1)
+        length, wind = np.hypot(*way), drone.wind(zero)
+        unit = way / np.maximum(length, 1e-9)
+        there = float((length / ground_speed(drone.airspeed, wind, unit))[0])
+        home = float(drone.home(zero, self._middle[:, None], unit)[0])
+        if np.isnan(there + home):
+            blows = float(np.hypot(*wind)[0])
+            return (
+                f"speed must be above that of the headwind, {blows:.1f} m/s at the height of the "
+                f"flight, got {drone.airspeed:g} m/s: use drones of {blows / (1 - SLOWEST):.0f} "
+                "m/s, fly lower, or wait until there is less wind"
+            )
+        return (
+            f"endurance must leave time to search, got {drone.endurance / 60:.0f} minutes without "
+            f"the reserve, of which the way to the area and back takes {(there + home) / 60:.0f}: "
+            "take off nearer or earlier, or use drones that fly longer or faster"
+        )
+
+
+def searched(flight: Floats) -> Floats:
+    """The legs of a flight on which the drone searches: from the commence search point on."""
+    return np.stack([flight[1:-1], flight[2:]], axis=1)
+
+
+def choose(
+    areas: Sequence[Area], near: Sequence[Guess], report: Callable[[float], object]
+) -> list[Guess]:
+    """Choose patterns, drone after drone, once on each area.
+
+    Args:
+        areas: the same one with different particles.
+        near: patterns of the first drones to begin with.
+        report: is told the share of the work that is done.
+
+    Raises:
+        ValueError: no drone can search the area.
+    """
+    rng, drones = np.random.default_rng(0), areas[0].drones
+    chosen: list[Guess | None] = [*near, *[None] * len(drones)][: len(drones)]
+    for lap, area in enumerate(areas):
+        missed = [area.missed(*pair) for pair in zip(drones, chosen, strict=True)]
+        for number, drone in enumerate(drones):
+            before, missed[number] = missed[number], None
+            others = np.prod([each for each in missed if each is not None], axis=0)
+            start = None if before is None else chosen[number]
+            chosen[number] = area.best(drone, others, start, rng)
+            missed[number] = area.missed(drone, chosen[number])
+            report((lap + (number + 1) / len(drones)) / len(areas))
+    return [each for each in chosen if each is not None]
