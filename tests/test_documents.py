@@ -55,7 +55,6 @@ OUTPUT = {
     "examples/evaluate_your_own.py": "greedy-posterior: found",
     "examples/random_searches.py": "imitation ahead",
 }
-LONG_PLAN = "whole_steps(45 * 60)"  # in the block of the incident, whose plan takes ten seconds
 BENCH_BRIEFLY = "--rounds 1 --steps 20 --environments 20"
 TIMEOUT = 120.0  # seconds for a command; code blocks with an RL library get five times as long
 
@@ -118,7 +117,7 @@ def block_params() -> list[object]:
     for block in blocks("python"):
         if block.name.startswith("docs/tutorial.md"):
             continue
-        marks = [pytest.mark.slow] * ("ray" in block.optional_packages or LONG_PLAN in block.text)
+        marks = [pytest.mark.slow] * ("ray" in block.optional_packages)
         if block.output is not None and "planner" in block.text:
             marks.append(pytest.mark.good_plans)  # the page shows what such plans reach
         params.append(pytest.param(block, id=block.test_id, marks=marks))

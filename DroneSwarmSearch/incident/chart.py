@@ -153,11 +153,12 @@ def _table(figure: Figure, plan: FlightPlan, drones: Sequence[int]) -> None:
     heads = [fill(name, 13 if name[0] == "c" else 9) for name in plan.order(drones[0])]
     lines = [[*head.splitlines(), *texts] for head, *texts in zip(heads, *rows, strict=True)]
     widths = np.array([max(map(len, each)) + 1.5 for each in lines])
+    box: Any = (0, 0.82 - 0.12 * len(rows), 1, 0.18 + 0.12 * len(rows))
     table = axes.table(
         rows,
         colLabels=heads,
         colWidths=widths / widths.sum(),
-        bbox=(0, 0.82 - 0.12 * len(rows), 1, 0.18 + 0.12 * len(rows)),
+        bbox=box,
         cellLoc="left",
         colLoc="left",
         edges="horizontal",

@@ -25,7 +25,7 @@ class Pattern:
     """A search pattern; lengths are in metres.
 
     Attributes:
-        kind: one of `KINDS`.
+        kind: "parallel track", "expanding square" or "sector search".
         start: the commence search point, (east, north).
         heading: of the first leg, clockwise from north, in radians.
         length: of the legs of a parallel track, or of the radius of a sector search.
