@@ -401,15 +401,15 @@ def test_the_search_on_a_grid_has_the_particles_as_tracks() -> None:
     ("values", "message"),
     [
         ({"position": (179.2, -16.5)}, "position must be (latitude, longitude) in degrees, the la"),
-        ({"position": "54-70N 7-51E"}, "position must be (latitude, longitude): degrees are such"),
+        ({"position": "54-70N 7-51E"}, "position: degrees are such as 54.18, 54-10.8N or"),
         ({"base": (7.85, 54.18)}, "base must be within 100 km of position, got (7.85, 54.18), far"),
         (
             {"wind": (0.0, 300.0)},
             "wind must be at most 60 m/s fast, got 300 m/s; 1 kn is 0.514 m/s",
         ),
         ({"wind": {0: (1, 2), 3600: (0, 77)}}, "wind[3600] must be at most 60 m/s fast, got 77"),
-        ({"wind": "300 25"}, "wind must be such as 300 25kn or NW 12m/s: a number and a unit"),
-        ({"wind": "25kn"}, "wind must be such as 300 25kn or NW 12m/s: a direction is degrees"),
+        ({"wind": "300 25"}, "wind, such as 300 25kn: a number and a unit (kn, kt"),
+        ({"wind": "25kn"}, "wind, such as 300 25kn: a direction is degrees"),
         ({"wind": "no.csv"}, "wind must be a CSV file with the columns time, direction and speed"),
         ({"wind": None}, "object_class and wind must be given, or tracks in their place, got"),
         ({"current": (9, 0)}, "current must be at most 5 m/s fast"),

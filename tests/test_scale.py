@@ -37,12 +37,9 @@ def test_a_drone_sees_one_cell_and_crosses_it_in_one_step():
     assert Scale.for_drone(speed=10, swath=130) == SCALE
 
 
-@given(scales, st.tuples(numbers, numbers), numbers, st.floats(0, 1e6))
-def test_every_conversion_has_its_inverse(scale, pair, number, amount):
+@given(scales, st.tuples(numbers, numbers))
+def test_velocities_have_an_inverse(scale, pair):
     assert scale.velocity(scale.vector(pair)) == pytest.approx(pair)
-    assert scale.displacement(scale.offset(pair)) == pytest.approx(pair)
-    assert scale.metres(scale.cells(number)) == pytest.approx(number)
-    assert scale.diffusivity(scale.diffusion(amount)) == pytest.approx(amount)
 
 
 @given(scales, st.tuples(numbers, numbers), st.integers(1, 10_000))

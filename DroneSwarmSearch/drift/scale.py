@@ -67,18 +67,9 @@ class Scale:
         east, north = checks.pair("displacement", displacement)
         return east / self.metres_per_cell, -north / self.metres_per_cell
 
-    def displacement(self, offset: Pair) -> Pair:
-        """The inverse of `offset`."""
-        x, y = checks.pair("offset", offset)
-        return x * self.metres_per_cell, -y * self.metres_per_cell
-
     def cells(self, metres: float) -> float:
         """A distance in cells."""
         return checks.real("metres", metres) / self.metres_per_cell
-
-    def metres(self, cells: float) -> float:
-        """The inverse of `cells`."""
-        return checks.real("cells", cells) * self.metres_per_cell
 
     def whole_steps(self, seconds: float) -> int:
         """A duration in steps, rounded (a half upward)."""
@@ -92,8 +83,3 @@ class Scale:
         """A diffusivity K in m²/s as the growth of the variance, 2 K, in cells² per step."""
         number = checks.real("diffusivity", diffusivity, 0)
         return 2.0 * number * self.seconds_per_step / self.metres_per_cell**2
-
-    def diffusivity(self, diffusion: float) -> float:
-        """The inverse of `diffusion`."""
-        number = checks.real("diffusion", diffusion, 0)
-        return number * self.metres_per_cell**2 / (2.0 * self.seconds_per_step)

@@ -124,7 +124,7 @@ class FlightPlan:
         """
         places, weights = self.particles.at(self.incident.seconds(time)), self.particles.weights
         low, high = np.percentile(places, (0.1, 99.9), axis=0)
-        middle, half = (low + high) / 2, 0.6 * (high - low).max()
+        middle, half = (low + high) / 2, max(0.6 * (high - low).max(), self.incident.swath)
         edges = [np.linspace(each - half, each + half, size + 1) for each in middle]
         counts: Floats
         counts, *_ = np.histogram2d(places[:, 0], places[:, 1], edges, weights=weights)

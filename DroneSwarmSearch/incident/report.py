@@ -155,21 +155,15 @@ class Incident:
         if start < when:
             raise ValueError(f"start must not be before time, {when}, got {start}")
         values.update(position=place, time=when, base=base, start=start)
-        for name, (kind, low) in QUANTITIES.items():
+        for name, kind in QUANTITIES.items():
             given = values[name]
-            if isinstance(given, str):
-                try:
-                    given = units.quantity(given, kind)
-                except ValueError as error:
-                    raise ValueError(f"{name}: {error}") from None
-            values[name] = (checks.positive if low else checks.real)(name, given)
-            if values[name] < 0:
-                checks.real(name, given, 0)
+            number = _read(name, units.quantity, given, kind) if isinstance(given, str) else given
+            values[name] = checks.real(name, number, 0)
+            if name in ABOVE_ZERO:
+                checks.positive(name, number)
         values["drones"] = checks.integer("drones", self.drones, 1, 50)
-        detection = self.probability_of_detection
-        values["probability_of_detection"] = checks.real(
-            "probability_of_detection", detection, 0, 1
-        )
+        name = "probability_of_detection"
+        values[name] = checks.real(name, self.probability_of_detection, 0, 1)
         if values["reserve"] >= values["endurance"]:
             raise ValueError(
                 f"reserve must be less than the endurance, {values['endurance']:g} s, got "
@@ -457,18 +451,12 @@ class Incident:
         return scenario, tuple((x, y) for x, y in nearest), scale, middle
 
 
-QUANTITIES: dict[str, tuple[units.Units, bool]] = {
-    "position_sd": (units.LENGTH, False),
-    "wind_error": (units.SPEED, False),
-    "current_error": (units.SPEED, False),
-    "speed": (units.SPEED, True),
-    "swath": (units.LENGTH, True),
-    "endurance": (units.TIME, True),
-    "reserve": (units.TIME, False),
-    "altitude": (units.LENGTH, False),
-    "turn": (units.TIME, False),
+QUANTITIES = {
+    **dict.fromkeys(("position_sd", "swath", "altitude"), units.LENGTH),
+    **dict.fromkeys(("wind_error", "current_error", "speed"), units.SPEED),
+    **dict.fromkeys(("endurance", "reserve", "turn"), units.TIME),
 }
-"""The units of quantities, and whether they must be above 0 and not only at least 0."""
+ABOVE_ZERO = "speed", "swath", "endurance"
 
 FLOWS = (
     ("wind", leeway.wind_from, FASTEST_WIND),
@@ -498,17 +486,22 @@ def _sailed(position: Pair, away: Floats) -> Pair:
     return position
 
 
-def _position(name: str, value: object) -> Pair:
+def _read(name: str, read: Callable[..., Any], *given: object) -> Any:
+    """What text means; an error names the value."""
     try:
-        if isinstance(value, str):
-            value = units.position(value)
-        elif isinstance(value, (tuple, list)):
-            value = tuple(
-                units.degrees(each, letters) if isinstance(each, str) else each
-                for each, letters in zip(value, ("NS", "EW"), strict=True)
-            )
+        return read(*given)
     except ValueError as error:
-        raise ValueError(f"{name} must be (latitude, longitude): {error}") from None
+        raise ValueError(f"{name}: {error}") from None
+
+
+def _position(name: str, value: object) -> Pair:
+    if isinstance(value, str):
+        value = _read(name, units.position, value)
+    elif isinstance(value, (tuple, list)):
+        value = tuple(
+            _read(name, units.degrees, each, letters) if isinstance(each, str) else each
+            for each, letters in zip(value, ("NS", "EW"), strict=False)
+        )
     latitude, longitude = checks.pair(name, value, "(latitude, longitude) in degrees")
     if not (abs(latitude) <= 89.0 and abs(longitude) <= 180.0):
         raise ValueError(
@@ -540,10 +533,8 @@ def _flow(
         return {time: named[time] for time in sorted(named)}
     if isinstance(value, str):
         direction, _, speed = value.replace(",", " ").strip().partition(" ")
-        try:
-            value = of(units.direction(direction), units.quantity(speed, units.SPEED))
-        except ValueError as error:
-            raise ValueError(f"{name} must be such as 300 25kn or NW 12m/s: {error}") from None
+        degrees = _read(f"{name}, such as 300 25kn", units.direction, direction)
+        value = of(degrees, _read(f"{name}, such as 300 25kn", units.quantity, speed, units.SPEED))
     what = '(east, north) in m/s, text such as "300 25kn", or a series of these'
     flow = checks.pair(name, value, what)
     if math.hypot(*flow) > fastest:
