@@ -221,7 +221,7 @@ def test_every_leg_can_be_flown_in_the_wind_and_the_drone_returns(
         before, unit = unit, way / np.hypot(*way)
         turned = 0.0 if before is None else math.acos(np.clip(before @ unit, -1, 1))
         seconds = after[0] - now[0] - turned / (math.pi / 2) * turn
-        blows = drone.wind(np.linspace(now[0], after[0], 9)).mean(axis=1)
+        blows = drone.wind(np.linspace(now[0], after[0], 9), np.zeros((2, 9))).mean(axis=1)
         air = np.hypot(*(way / seconds - blows))
         assert (0.7 if veers else 0.99) * speed < air < (1.05 if veers else 1.01) * speed
 
@@ -371,7 +371,7 @@ def test_tracks_take_the_place_of_class_and_current(tmp_path: Path) -> None:
     incident.save(tmp_path / "elsewhere" / "incident.json")
     again = Incident.read(tmp_path / "elsewhere" / "incident.json")
     assert Path(again.tracks).samefile(path)
-    windy = replace(incident, wind="90 8m/s").drone(0).wind(np.zeros(1))
+    windy = replace(incident, wind="90 8m/s").drone(0).wind(np.zeros(1), np.zeros((2, 1)))
     assert windy.ravel() == pytest.approx([-8 * 10**0.11, 0]), "on the drone only"
     with pytest.raises(ValueError, match="object_class cannot be given together with tracks"):
         Incident(tracks=path, object_class="PIW-1")
@@ -410,7 +410,8 @@ def test_the_search_on_a_grid_has_the_particles_as_tracks() -> None:
         ({"wind": {0: (1, 2), 3600: (0, 77)}}, "wind[3600] must be at most 60 m/s fast, got 77"),
         ({"wind": "300 25"}, "wind, such as 300 25kn: a number and a unit (kn, kt"),
         ({"wind": "25kn"}, "wind, such as 300 25kn: a direction is degrees"),
-        ({"wind": "no.csv"}, "wind must be a CSV file with the columns time, direction and speed"),
+        ({"wind": "no.csv"}, "wind must name a file, but there is no 'no.csv'"),
+        ({"current": __file__[:-3] + ".nc"}, "current must name a file, but there is no"),
         ({"wind": None}, "object_class and wind must be given, or tracks in their place, got"),
         ({"current": (9, 0)}, "current must be at most 5 m/s fast"),
         ({"time": "2026-03-01T05:30"}, "time must be a time with a zone, such as"),

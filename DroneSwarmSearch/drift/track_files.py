@@ -89,17 +89,7 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
 
     Warns if the file keeps times less precisely than a step, in seconds.
     """
-    try:
-        import netCDF4
-    except ImportError as error:
-        raise ImportError(
-            'reading NetCDF needs netCDF4: pip install "DroneSwarmSearchEnvironment[tracks]"'
-        ) from error
-    try:
-        data = netCDF4.Dataset(path)
-    except OSError as error:
-        raise ValueError(f"{path} must be a NetCDF file, got another: {error}") from None
-    with data:
+    with opened(path) as data:
         named = {
             getattr(each, "standard_name", USUAL.get(key, key)): each
             for key, each in data.variables.items()
@@ -108,11 +98,11 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
             longitude, latitude, time = (named[key] for key in ("longitude", "latitude", "time"))
             (when,) = time.dimensions
             across = longitude.dimensions.index(when)
-            seconds = _since_1970(time[:], time)
+            seconds = since_1970(time[:], time)
             if time.dtype.kind == "f":
                 last = np.abs(time[:]).max()
                 ends = np.array([last, last + np.spacing(last)], np.float64)
-                if (precision := np.diff(_since_1970(ends, time))[0]) > step:
+                if (precision := np.diff(since_1970(ends, time))[0]) > step:
                     warnings.warn(
                         f"{path} keeps times as {time.dtype}, to {precision:.0f} s only, and a "
                         f"step takes {step:g} s: save them as float64 or as integers",
@@ -145,7 +135,21 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
     return degrees, seconds, stranded
 
 
-def _since_1970(values: Any, time: Any) -> Floats:
+def opened(path: Path) -> Any:
+    """A NetCDF file, to read and close."""
+    try:
+        import netCDF4
+    except ImportError as error:
+        raise ImportError(
+            'reading NetCDF needs netCDF4: pip install "DroneSwarmSearchEnvironment[tracks]"'
+        ) from error
+    try:
+        return netCDF4.Dataset(path)
+    except OSError as error:
+        raise ValueError(f"{path} must be a NetCDF file, got another: {error}") from None
+
+
+def since_1970(values: Any, time: Any) -> Floats:
     """Values of the variable `time` in seconds since 1970; CF times have no zone, so mean UTC."""
     import netCDF4
 

@@ -16,6 +16,7 @@ from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.evaluation.plots import STYLES
 from DroneSwarmSearch.incident import units
 from DroneSwarmSearch.incident.flights import track
+from DroneSwarmSearch.leeway import KNOT
 from DroneSwarmSearch.rendering.palette import INK, drone_colour, readable_on
 
 if TYPE_CHECKING:
@@ -86,6 +87,15 @@ def draw(plan: FlightPlan, drones: Sequence[int]) -> Figure:
     (left, bottom), (right, top) = ((low + high + way * point * SHEET) / 2 for way in (-1, 1))
     axes.set(xlim=(left, right), ylim=(bottom, top))
     _graticule(axes, plane)
+    if isinstance(incident.current, str):
+        across, up_ = (np.linspace(*each, 14)[1:-1] for each in ((left, right), (bottom, top)))
+        grid = np.stack(np.meshgrid(across, up_)).reshape(2, -1)
+        middle = incident.seconds(plan.on_scene)
+        arrows = incident.flow("current")(middle, grid)
+        fastest = f"{np.nanmax(np.hypot(*arrows)) / KNOT:.1f} kn"
+        label = f"current at {plan.on_scene:%H:%M}, up to {fastest}"
+        axes.plot([], [], marker=r"$\rightarrow$", label=label, **SIGN | {"color": "0.45"})
+        axes.quiver(*grid, *arrows, color="0.45", width=0.0016, pivot="middle", zorder=1)
     arrow = {"arrowstyle": "simple,head_width=.8,tail_width=.3", "facecolor": "white"}
     axes.annotate("", means[1], means[0], arrowprops=arrow | {"shrinkA": 0, "shrinkB": 0}, zorder=6)
     label = f"mean drift {course(means[1] - means[0])}"

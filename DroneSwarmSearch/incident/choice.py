@@ -161,7 +161,7 @@ class Area:
     def _refusal(self, drone: Drone) -> str:
         """Why no drone can search, and what would help."""
         way, zero = (self._middle - drone.base)[:, None], np.zeros(1)
-        length, wind = np.hypot(*way), drone.wind(zero)
+        length, wind = np.hypot(*way), drone.wind(zero, self._middle[:, None])
         unit = way / np.maximum(length, 1e-9)
         there = float((length / ground_speed(drone.airspeed, wind, unit))[0])
         home = float(drone.home(zero, self._middle[:, None], unit)[0])

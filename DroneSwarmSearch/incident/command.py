@@ -46,6 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "where it comes from, and its speed: 300 25kn, or NW 12.9m/s; again for later times: "
     add("--wind", f"{about}320 30kn@08:00Z; or a CSV file of time, direction, speed", **flow)
     add("--current", "where it flows to, and its speed: 160 0.5kn (none)", **flow)
+    add("--wind-file", "of a weather model, NetCDF, in place of --wind", metavar="FILE")
+    add("--current-file", "of an ocean model", metavar="FILE")
     add("--wind-error", "standard deviation along each axis (2m/s)", **words)
     add("--current-error", "the same (0.13m/s)", **words)
     about = "of a drift simulation, in place of object and current"
@@ -93,7 +95,9 @@ def _incident(options: argparse.Namespace) -> Incident:
     """The incident that the options describe."""
     values = {each.name: getattr(options, each.name, None) for each in fields(Incident)}
     for name in ("wind", "current"):
-        if texts := [" ".join(words) for words in values[name] or ()]:
+        if file := getattr(options, f"{name}_file"):
+            values[name] = file
+        elif texts := [" ".join(words) for words in values[name] or ()]:
             values[name] = texts[0] if len(texts) == 1 else texts
     given = {name: value for name, value in values.items() if value is not None}
     if options.after is not None:
@@ -124,7 +128,7 @@ def summary(plan: FlightPlan) -> str:
         "One more drone": {"drones": incident.drones + 1},
         "Half an hour more": {"endurance": incident.endurance + 1800},
     }
-    if incident.tracks is None:
+    if incident.tracks is None and not isinstance(incident.wind, str):
         changes["A wind 5 kn stronger"] = {"wind": stronger(incident.wind, 5 * leeway.KNOT)}
     lines = [
         incident.sentence,

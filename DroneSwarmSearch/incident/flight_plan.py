@@ -200,7 +200,9 @@ class FlightPlan:
                 f"{_speed(incident.wind_error)} and the current to "
                 f"{_speed(incident.current_error)} (standard deviations along each axis)."
             )
-        blows = max(float(np.hypot(*incident.drone(0).wind(np.array([0.0])))[0]), 0.0)
+        if self.particles.ashore >= 0.005:
+            drift += f" {self.particles.ashore:.0%} of the persons strand by {self.landed:%H:%M}."
+        blows = max(float(np.hypot(*incident.drone(0).wind(np.zeros(1), np.zeros((2, 1))))[0]), 0.0)
         return [
             drift,
             f"Drones fly {_speed(incident.speed)} in still air, the wind at their height is "

@@ -12,9 +12,9 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 from DroneSwarmSearch.leeway import ObjectClass
 
-Flow = Callable[[float, Floats], Floats]
+Flow = Callable[[Any, Floats], Floats]
 """The velocity of wind or water, (east, north) in m/s, (2, 1) or (2, n), at a time in seconds and
-positions in metres, (2, n)."""
+positions in metres, (2, n); NaN on land."""
 
 DIFFUSIVITY = 5.0
 """Of the turbulent sea, in m²/s, as in `leeway.person`."""
@@ -38,12 +38,14 @@ class Particles:
         step: between two times.
         positions: (east, north), float32, (2, times, n).
         weights: how likely each one is: float64, (n,); they sum to 1.
+        ashore: the share of those who have stranded at the last time.
     """
 
     begin: float
     step: float
     positions: Singles
     weights: Floats
+    ashore: float = 0.0
 
     @cached_property
     def fastest(self) -> float:
@@ -129,7 +131,8 @@ def drift(
 
     The Leeway model of Breivik and Allen (2008), as `leeway` describes it, in each particle's own
     wind: an object's errors are its own for life, and so are those of wind and current. Turbulence
-    is a random walk.
+    is a random walk. Who comes to land stays there. A step takes
+    the velocity at its middle, where the last step's velocity leads.
 
     Args:
         kind: the class of the object.
@@ -166,13 +169,15 @@ def drift(
         return leeway + current(time, place) + current_off
 
     kept = np.empty((2, count, n), np.float32)
-    now = 0.0
+    now, ashore, speed = 0.0, np.zeros(n, np.bool_), velocity(0.0, place)
     for row, time in enumerate((begin + step * np.arange(count)).tolist()):
         for parts in range(int(np.ceil((time - now) / LONGEST_STEP)), 0, -1):
             h = (time - now) / parts
             side ^= rng.random(n) < 1.0 - (1.0 - JIBING) ** (h / 3600)
-            place += h * velocity(now + h / 2, place)
-            place += rng.normal(0.0, np.sqrt(2 * DIFFUSIVITY * h), (2, n))
+            speed = velocity(now + h / 2, place + h / 2 * np.nan_to_num(speed))
+            move = h * speed + rng.normal(0.0, np.sqrt(2 * DIFFUSIVITY * h), (2, n))
+            ashore |= np.isnan(move[0])
+            place += np.where(ashore, 0.0, move)
             now += h
         kept[:, row] = place
-    return Particles(begin, step, kept, np.full(n, 1.0 / n))
+    return Particles(begin, step, kept, np.full(n, 1.0 / n), float(ashore.mean()))

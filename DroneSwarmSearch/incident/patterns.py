@@ -16,6 +16,9 @@ PARALLEL, SQUARE, SECTOR = KINDS = "parallel track", "expanding square", "sector
 SLOWEST = 0.1
 """Of the airspeed; drones that are slower over the ground make no headway in gusts."""
 
+SETTLED = 0.05
+"""Seconds: so exact are times that depend on a wind that depends on them."""
+
 POINTS_PER_HOUR, FEWEST_POINTS = 50, 42
 """The most points of a pattern."""
 
@@ -93,14 +96,14 @@ class Drone(NamedTuple):
         endurance: seconds from take-off to landing, less the reserve.
         base: where it takes off and lands, (east, north) in metres.
         wind: at the height of the flight, (east, north) in m/s, (2, n), at times in seconds after
-            take-off, (n,).
+            take-off, (n,), and places in metres, (2, n).
     """
 
     airspeed: float
     turn: float
     endurance: float
     base: Floats
-    wind: Callable[[Floats], Floats]
+    wind: Callable[[Floats, Floats], Floats]
 
     def home(self, times: Floats, places: Floats, unit: Floats) -> Floats:
         """Seconds for the way home at times from places, (2, n), after flying along `unit`."""
@@ -109,8 +112,11 @@ class Drone(NamedTuple):
         back = np.where(length > 0, way / np.maximum(length, 1e-9), unit)
         seconds = turning = self.turning(unit, back)
         for _ in range(8):  # the wind half-way
-            wind = self.wind(times + seconds / 2)
+            before = seconds
+            wind = self.wind(times + before / 2, places + way / 2)
             seconds = turning + length / ground_speed(self.airspeed, wind, back)
+            if np.nanmax(np.abs(seconds - before), initial=0.0) < SETTLED:
+                break
         return seconds
 
     def turning(self, unit: Floats, after: Floats) -> Floats:
@@ -136,7 +142,8 @@ class Drone(NamedTuple):
         turns = np.zeros(len(length))
         for _ in range(2 * len(points)):  # the wind depends on the times, and they on the wind
             before = times
-            wind = self.wind((times[:-1] + times[1:]) / 2) - drift
+            middle = (times[:-1] + times[1:]) / 2
+            wind = self.wind(middle, (points[:-1] + points[1:]).T / 2 + drift * middle) - drift
             speed = ground_speed(self.airspeed, wind, unit)
             course = unit * speed + drift
             course /= np.hypot(*course)
@@ -148,7 +155,7 @@ class Drone(NamedTuple):
             legs = turns + length / ground_speed(self.airspeed, wind, unit)
             times = np.append(0.0, np.nan_to_num(legs, nan=np.inf).cumsum())
             times = np.minimum(times, 2 * self.endurance)
-            if (settled := np.abs(times - before) < 0.01).all():
+            if (settled := np.abs(times - before) < SETTLED).all():
                 break
         times[~settled] = 2 * self.endurance  # legs that can only be flown at other times
         with np.errstate(invalid="ignore"):

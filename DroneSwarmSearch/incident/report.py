@@ -27,8 +27,9 @@ from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.drift.tracks import Tracks
 from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.incident import particles, units
+from DroneSwarmSearch.incident.fields import Field
 from DroneSwarmSearch.incident.flights import Waypoint, in_utc, legs_of
-from DroneSwarmSearch.incident.particles import Particles
+from DroneSwarmSearch.incident.particles import Flow, Particles
 from DroneSwarmSearch.incident.patterns import Drone
 from DroneSwarmSearch.scenario import Cell, Scenario
 
@@ -81,8 +82,10 @@ class Incident:
         wind: where it comes from and its speed, at 10 m: "300 25kn", or "NW 12 m/s"; or (east,
             north), where it blows to. One that changes is a list of texts with times, such as
             ["300 25kn", "320 30kn@08:00Z"], a mapping of seconds after `time` to winds, or a CSV
-            file with the columns time, direction and speed. Between times it is interpolated.
-        current: the same, but the direction is where it flows to.
+            file with the columns time, direction and speed. Between times it is interpolated. Or
+            the NetCDF file of a weather model, .nc, with a field by CF standard name.
+        current: the same, but the direction is where it flows to. Where the file of an ocean model
+            has no values, there is land, on which persons strand.
         wind_error: the standard deviation along each axis of the error of the wind, constant in an
             incident. By default 2 m/s, the target accuracy of satellite winds (EUMETSAT OSI SAF,
             wind products); forecasts are no better.
@@ -202,7 +205,10 @@ class Incident:
         text = f"{self.target} at {units.radioed(self.position)}, {self.time:%Y-%m-%d %H:%M} UTC"
         for name, toward in (("wind", "from"), ("current", "to")):
             flow = getattr(self, name)
-            if isinstance(flow, Mapping) or any(flow):
+            if isinstance(flow, str):
+                field = self._fields[name]
+                text += f", {name} of {field.model}, {field.hours}"
+            elif isinstance(flow, Mapping) or any(flow):
                 spoken = [
                     f"{degrees:03.0f}° {speed / leeway.KNOT:.2g} kn ({speed:.2g} m/s)"
                     + f" at {self.time + timedelta(seconds=seconds):%H:%M}"
@@ -242,7 +248,7 @@ class Incident:
     @cached_property
     def _away(self) -> Floats:
         """How far the persons drift on average until half-way through the flights, in metres."""
-        if self.tracks is not None:
+        if self.tracks is not None or self._fields:
             return np.zeros(2)
         middle = self.seconds(self.start) + self.endurance / 2
         return self._drifted(2000, 2, middle, 1.0, 1).mean(middle)
@@ -288,11 +294,10 @@ class Incident:
         return replace(cloud, weights=weights / weights.sum())
 
     def _drifted(self, n: int, seed: int, begin: float, step: float, count: int) -> Particles:
-        wind, current = series(self.wind), series(self.current)
         return particles.drift(
             leeway.class_of(self.object_class),
-            lambda time, _: wind([time]),
-            lambda time, _: current([time]),
+            self.flow("wind"),
+            self.flow("current"),
             begin=begin,
             step=step,
             count=count,
@@ -303,16 +308,54 @@ class Incident:
             current_error=self.current_error,
         )
 
+    @cached_property
+    def _fields(self) -> dict[str, Field]:
+        """The fields of wind and current that are files."""
+        found = {}
+        for name, _, _ in FLOWS:
+            if isinstance(path := getattr(self, name), str):
+                found[name] = field = Field.read(Path(path), name, self.position)
+                here = field.at(self.time.timestamp(), *np.array(self.position)[:, None])
+                if np.isnan(here).any():
+                    raise ValueError(
+                        f"position must be at sea, but {path} has no {name} at {self.position}"
+                    )
+        return found
+
+    def flow(self, name: str) -> Flow:
+        """The "wind" at 10 m or the "current", at times in seconds and places on the plane."""
+        if name not in self._fields:
+            values = series(getattr(self, name))
+            return lambda times, _: values(np.atleast_1d(times))
+        field, since, (latitude, longitude) = (
+            self._fields[name],
+            self.time.timestamp(),
+            self.position,
+        )
+
+        def velocity(times: Any, places: Floats) -> Floats:
+            degrees = self.plane.degrees(places.T).T
+            east, north = field.at(since + times, *degrees)
+            # North is towards the pole, which is another direction there than on the plane.
+            away = np.radians((degrees[1] - longitude + 180) % 360 - 180)
+            turned = away * np.sin(np.radians(latitude))
+            sin, cos = np.sin(turned), np.cos(turned)
+            return np.array([east * cos - north * sin, east * sin + north * cos])
+
+        return velocity
+
     def drone(self, number: int) -> Drone:
         """A drone in the wind at its height; its times are in seconds after take-off."""
         height = max(self.altitude + APART * number, 1.0)
-        wind, start = series(self.wind), self.seconds(self.start)
+        wind, start = self.flow("wind"), self.seconds(self.start)
         return Drone(
             self.speed,
             self.turn,
             self.endurance - self.reserve,
             self.plane.metres(*self.base),
-            lambda times: wind(start + times) * (height / 10.0) ** WIND_EXPONENT,
+            lambda times, places: (
+                np.nan_to_num(wind(start + times, places)) * (height / 10.0) ** WIND_EXPONENT
+            ),
         )
 
     # Plans.
@@ -366,13 +409,16 @@ class Incident:
         if self.base == self.position:
             values["base"] = None
         for name, _, _ in FLOWS:
+            if isinstance(values[name], str):
+                continue
             texts = []
             for seconds, degrees, speed in self._courses(name):
                 when = f"@{self.time + timedelta(seconds=seconds):%Y-%m-%dT%H:%MZ}"
                 texts.append(f"{degrees:g}° {speed / leeway.KNOT:.6g} kn{when}")
             values[name] = texts if isinstance(values[name], Mapping) else texts[0].split("@")[0]
-        if self.tracks is not None:
-            values["tracks"] = os.path.relpath(self.tracks, Path(path).parent)
+        for name in ("tracks", "wind", "current"):
+            if isinstance(file := getattr(self, name), str):
+                values[name] = os.path.relpath(file, Path(path).parent)
         write_text(
             Path(path),
             json.dumps(values, indent=1, default=datetime.isoformat, ensure_ascii=False) + "\n",
@@ -384,8 +430,9 @@ class Incident:
         data = json.loads(Path(path).read_text("utf-8"))
         if not isinstance(data, dict):
             raise ValueError(f"{path} must hold an incident, a JSON object, got {data!r:.100}")
-        if data.get("tracks"):
-            data["tracks"] = str(Path(path).parent / data["tracks"])
+        for name in ("tracks", "wind", "current"):
+            if isinstance(file := data.get(name), str) and Path(file).suffix in (".nc", *FILES):
+                data[name] = os.path.normpath(Path(path).parent / file)
         return cls(**data)
 
     # The search on a grid.
@@ -456,6 +503,8 @@ QUANTITIES = {
     **dict.fromkeys(("wind_error", "current_error", "speed"), units.SPEED),
     **dict.fromkeys(("endurance", "reserve", "turn"), units.TIME),
 }
+FILES = ".csv", ".nc", ".nc4", ".cdf"
+
 ABOVE_ZERO = "speed", "swath", "endurance"
 
 FLOWS = (
@@ -515,8 +564,12 @@ def _flow(
     name: str, value: Any, of: Callable[[float, float], Pair], fastest: float, since: datetime
 ) -> Any:
     """A wind or current: one vector, or a mapping of seconds, in their order, to vectors."""
-    if isinstance(value, str) and value.lower().endswith(".csv"):
-        value = _read_flow(name, Path(value))
+    if isinstance(value, (str, os.PathLike)) and (path := Path(value)).suffix in FILES:
+        if not path.is_file():
+            raise ValueError(f"{name} must name a file, but there is no {str(path)!r}")
+        if path.suffix != ".csv":
+            return str(path)
+        value = _read_flow(name, path)
     if isinstance(value, str):
         value = [value]
     if isinstance(value, (list, tuple)) and any(isinstance(each, str) for each in value):

@@ -1,0 +1,211 @@
+"""Fields of current and wind: files of several conventions, land, and persons who drift in them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch.incident import Incident, chart
+from DroneSwarmSearch.incident.fields import Field
+
+nc = pytest.importorskip("netCDF4")
+
+HERE = (54.2, 7.9)
+HOURS = np.arange(0.0, 9.0, 0.5)
+CURRENT = "eastward_sea_water_velocity", "northward_sea_water_velocity"
+MIDNIGHT = 1772323200.0  # 2026-03-01, in seconds since 1970
+KNOWN: dict[str, Any] = {
+    "position": HERE,
+    "time": "2026-03-01T01:00Z",
+    "start": "2026-03-01T03:00Z",
+    "object_class": "PIW-1",
+    "wind": (0, 0),
+    "wind_error": 0,
+    "current_error": 0,
+    "position_sd": 100,
+    "endurance": 1800,
+    "drones": 1,
+}
+
+
+def shear(seconds: Any, latitude: Any, longitude: Any) -> Any:
+    """To the east in the north, to the west in the south, linear; and slowly more northward."""
+    return np.array([10 * (latitude - HERE[0]) + 0.2, 0 * latitude + 1e-5 * seconds])
+
+
+def eddy(seconds: Any, latitude: Any, longitude: Any) -> Any:
+    """A rigid rotation around a place 2 km south of the position, in two hours and a half."""
+    y = (latitude - HERE[0]) * 111_300 + 2000
+    x = (longitude - HERE[1]) * 111_300 * math.cos(math.radians(HERE[0])) * 1.0028
+    return 2 * math.pi / 9000 * np.array([-y, x])
+
+
+def strait(seconds: Any, latitude: Any, longitude: Any) -> Any:
+    """To the north, up to a coast 2 km north of the position."""
+    return np.where(latitude > HERE[0] + 2000 / 111_300, np.nan, [0 * latitude, 0.5 + 0 * latitude])
+
+
+def write(
+    path: Path,
+    field: Callable[..., Any],
+    names: tuple[str, str] = CURRENT,
+    *,
+    points: int = 61,
+    middle: float = HERE[1],
+    order: tuple[str, ...] = ("time", "depth", "lat", "lon"),
+    level: tuple[str, Any] = ("depth", [0.5, 10.0, 50.0]),
+    backwards: bool = False,
+    circle: bool = False,
+    packed: bool = False,
+    seconds: str = "hours since 2026-03-01 00:00",
+    **attributes: str,
+) -> Path:
+    """Write a field on axes in some order; only its level nearest to the sea's surface is right."""
+    axes = {
+        "time": HOURS * (60 if seconds.startswith("min") else 1),
+        "lat": HERE[0] + np.linspace(-0.15, 0.15, points),
+        "lon": HERE[1] + np.linspace(-0.25, 0.25, points),
+        level[0]: level[1],
+    }
+    if backwards:
+        axes["lat"] = axes["lat"][::-1]
+    grid = np.meshgrid(3600 * HOURS, axes["lat"], axes["lon"], indexing="ij")
+    units = {"time": seconds, "lat": "degrees_north", "lon": "degrees_east", level[0]: "m"}
+    with nc.Dataset(path, "w") as data:
+        data.title = "A model"
+        for name in order:
+            values = np.asarray(axes[name]) + (middle - HERE[1] if name == "lon" else 0)
+            data.createDimension(name, len(values))
+            variable = data.createVariable(name, "f8", (name,))
+            variable.units = units[name]
+            variable[:] = values % 360 if circle and name == "lon" else values
+        for name, values in zip(names, field(*grid), strict=True):
+            usual = [each for each in ("time", "lat", "lon") if each in order]
+            if level[0] in order:
+                best = np.abs(np.abs(level[1]) - (10 if level[0] == "height" else 0)).argmin()
+                right = (np.arange(len(level[1])) == best)[:, None, None]
+                values, usual = (
+                    values[:, None] * np.where(right, 1, 7),
+                    ["time", level[0], "lat", "lon"],
+                )
+            values = values.transpose([usual.index(each) for each in order])
+            kind, fill = ("i2", -32768) if packed else ("f4", 1e20)
+            variable = data.createVariable(f"var_{name}", kind, order, fill_value=fill)
+            if packed:
+                variable.scale_factor, variable.add_offset = 2e-4, 0.5
+            variable.setncatts({"standard_name": name, "units": "m s-1", **attributes})
+            variable[:] = np.ma.masked_invalid(values)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("options", "middle"),
+    [
+        ({}, HERE[1]),
+        ({"order": ("lon", "time", "lat")}, HERE[1]),
+        ({"order": ("lat", "depth", "lon", "time"), "backwards": True, "packed": True}, HERE[1]),
+        ({"circle": True}, -0.1),  # its longitudes begin anew at the position
+        ({"circle": True, "points": 60}, -120.0),
+        ({}, 180.0),
+        ({"circle": True}, -179.99),
+        ({"seconds": "minutes since 2026-03-01 01:00 +01:00"}, HERE[1]),
+        ({"level": ("depth", [-50.0, -1.0]), "order": ("depth", "time", "lat", "lon")}, HERE[1]),
+    ],
+    ids=str,
+)
+def test_files_of_many_conventions_are_read(
+    options: dict[str, Any], middle: float, tmp_path: Path
+) -> None:
+    path = write(tmp_path / "a.nc", shear, middle=middle, **options)
+    field = Field.read(path, "current", (HERE[0], middle))
+    rng = np.random.default_rng(0)
+    latitude, longitude = HERE[0] + rng.uniform(-0.1, 0.1, 50), middle + rng.uniform(-0.2, 0.2, 50)
+    expected = shear(9000.0, latitude, longitude)
+    wrapped = (longitude + 180) % 360 - 180
+    assert field.at(MIDNIGHT + 9000.0, latitude, wrapped) == pytest.approx(expected, abs=2e-4)
+    several = field.at(MIDNIGHT + np.full(50, 9000.0), latitude, wrapped)
+    assert several == pytest.approx(expected, abs=2e-4)
+
+
+@pytest.mark.parametrize(("field", "most"), [(shear, 0.005), (eddy, 0.01)])
+def test_particles_follow_the_exact_tracks(field: Any, most: float, tmp_path: Path) -> None:
+    """Both fields are linear, so the mean of the particles drifts as a single one would."""
+    incident = Incident(**KNOWN, current=write(tmp_path / "ocean.nc", field))
+    cloud, place, way = incident.particles(20_000, 0), np.zeros(2), 0.0
+    for seconds in np.arange(3600.0, 3 * 3600.0, 5.0):
+        middle = place + 2.5 * field(seconds, *incident.plane.degrees(place))
+        move = 5 * field(seconds + 2.5, *incident.plane.degrees(middle))
+        place, way = place + move, way + float(np.hypot(*move))
+    assert cloud.mean(7200) == pytest.approx(place, abs=most * way + 5)
+    assert way > 1000
+
+
+def test_persons_strand_and_are_found_ashore(tmp_path: Path) -> None:
+    incident = Incident(**KNOWN, current=write(tmp_path / "ocean.nc", strait, points=121))
+    cloud = incident.particles(5000, 0)
+    assert cloud.ashore > 0.95
+    assert cloud.at(9000)[:, 1] == pytest.approx(2000, abs=200)
+    assert (cloud.at(9000) == cloud.at(8700)).mean() > 0.95
+    plan = incident.plan()
+    assert plan.probability_of_success > 0.6
+    assert any(" of the persons strand by 03:" in each for each in plan.assumptions)
+    assert "current of A model, 2026-03-01 00:00 to 2026-03-01 08:30 UTC" in incident.sentence
+    assert chart.draw(plan, [0]).axes[0].get_legend_handles_labels()[1][2].startswith("current at")
+
+
+def test_drones_fly_in_the_wind_of_the_file(tmp_path: Path) -> None:
+    """At 10 m and above, at their places and times."""
+    names = "x_wind", "y_wind"
+    level = ("height", [2.0, 10.0, 100.0])
+    order = ("time", "height", "lat", "lon")
+    path = write(tmp_path / "weather.nc", shear, names, level=level, order=order)
+    incident = Incident(**{**KNOWN, "wind": str(path)})
+    drone = incident.drone(0)
+    places = np.array([[0.0, 500.0], [3000.0, -3000.0]])
+    blown = drone.wind(np.array([0.0, 1800.0]), places)
+    degrees = incident.plane.degrees(places.T).T
+    expected = shear(np.array([3 * 3600.0, 3.5 * 3600.0]), *degrees) * 10**0.11
+    assert blown == pytest.approx(expected, abs=1e-3)
+    assert incident.plan().probability_of_success > 0
+    assert Incident(**KNOWN).particles(100, 0).ashore == 0
+
+
+def test_an_incident_with_fields_survives_its_file(tmp_path: Path) -> None:
+    incident = Incident(**KNOWN, current=write(tmp_path / "ocean.nc", shear))
+    incident.save(tmp_path / "plan" / "incident.json")
+    assert '"../ocean.nc"' in (tmp_path / "plan" / "incident.json").read_text("utf-8")
+    assert Incident.read(tmp_path / "plan" / "incident.json") == incident
+
+
+@pytest.mark.parametrize(
+    ("values", "options", "message"),
+    [
+        ({"position": (54.24, 7.9)}, {}, "position must be at sea, but .* has no current at"),
+        (
+            {"position": (50.0, 7.9)},
+            {},
+            "current must cover the position, .* lat .* 54.05 to 54.35",
+        ),
+        ({"position": (54.2, 9.9)}, {}, "current must cover the position, .* lon .* 7.65 to 8.15"),
+        (
+            {"start": "2026-03-01T09:00Z"},
+            {},
+            "must cover the drift, but covers only 2026-03-01 00:00 to 2026-03-01 08:30 UTC, lat",
+        ),
+        ({}, {"names": ("x_wind", "y_wind")}, "current must be a file with one variable of the st"),
+        ({}, {"units": "knots"}, "current must be in m/s, got .* in knots"),
+        ({}, {"order": ("lat", "lon")}, "current must be on axes of time, latitude and longitude"),
+    ],
+)
+def test_unsuitable_files_are_refused(
+    values: dict[str, Any], options: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    still = strait if "order" not in options else lambda *grid: strait(*grid)[:, 0]
+    path = write(tmp_path / "ocean.nc", still, **options)
+    with pytest.raises(ValueError, match=message):
+        Incident(**{**KNOWN, **values}, current=path).particles(100, 0)
