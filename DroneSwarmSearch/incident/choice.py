@@ -21,6 +21,7 @@ from DroneSwarmSearch.incident.patterns import (
     Pattern,
     ground_speed,
 )
+from DroneSwarmSearch.incident.report import Incident
 
 POPULATION, GENERATIONS = 8, 25
 """Of a run of CMA-ES."""
@@ -59,33 +60,21 @@ class Area:
     """Where persons may be during the flights, and what patterns there would find.
 
     Args:
-        particles: the possible persons.
-        drones: the drones.
-        start: when they take off.
-        swath: see `Incident`.
-        detection: the probability of detection.
-
-    Raises:
-        ValueError: no drone can search the area.
+        incident: the incident.
+        particles: possible persons in it.
     """
 
-    def __init__(
-        self,
-        particles: Particles,
-        drones: Sequence[Drone],
-        start: float,
-        swath: float,
-        detection: float,
-    ) -> None:
-        self._particles, self.drones, self._start = particles, drones, start
-        self._swath, self._detection = swath, detection
-        half, weights = drones[0].endurance / 2, particles.weights
-        self._away = particles.mean(start + 2 * half) - particles.mean(start)
-        places = particles.at(start + half)
+    def __init__(self, incident: Incident, particles: Particles) -> None:
+        self._incident, self._particles = incident, particles
+        self.drones = [incident.drone(number) for number in range(incident.drones)]
+        self._start = incident.seconds(incident.start)
+        half, weights = self.drones[0].endurance / 2, particles.weights
+        self._away = particles.mean(self._start + 2 * half) - particles.mean(self._start)
+        places = particles.at(self._start + half)
         self._middle = weights @ places
         off = places - self._middle
         self._root = np.linalg.cholesky((weights * off.T) @ off + np.eye(2))
-        self._size = np.sqrt(swath * drones[0].airspeed * 1.4 * half)
+        self._size = np.sqrt(incident.swath * incident.speed * 1.4 * half)
 
     def pattern(self, guess: Guess) -> Pattern:
         """The pattern of a guess."""
@@ -93,8 +82,8 @@ class Area:
         drift = self._away / self.drones[0].endurance * moving
         centre = self._middle + self._root @ [x, y] - self._away / 2 * moving
         heading = heading * np.pi / 2 % (2 * np.pi)
-        apart = self._swath * np.exp(np.clip(0.2 * spacing, -1.0, 1.0))
-        long = max(self._size * np.exp(np.clip(length / 2, -3.0, 2.0)), self._swath)
+        apart = self._incident.swath * np.exp(np.clip(0.2 * spacing, -1.0, 1.0))
+        long = max(self._size * np.exp(np.clip(length / 2, -3.0, 2.0)), self._incident.swath)
         legs = 1
         if kind == PARALLEL:
             across = self._size * np.exp(np.clip(width / 2, -3.0, 2.0)) / apart
@@ -110,7 +99,9 @@ class Area:
         if flight is None:
             return None
         flight[:, 0] += self._start
-        return self._particles.missed(searched(flight), self._swath, self._detection)
+        legs = np.stack([flight[1:-1], flight[2:]], axis=1)  # all but the way there
+        known = self._incident
+        return self._particles.missed(legs, known.swath, known.probability_of_detection)
 
     def best(
         self, drone: Drone, others: Floats, near: Guess | None, rng: np.random.Generator
@@ -177,11 +168,6 @@ class Area:
             f"the reserve, of which the way to the area and back takes {(there + home) / 60:.0f}: "
             "take off nearer or earlier, or use drones that fly longer or faster"
         )
-
-
-def searched(flight: Floats) -> Floats:
-    """The legs of a flight on which the drone searches: from the commence search point on."""
-    return np.stack([flight[1:-1], flight[2:]], axis=1)
 
 
 def choose(

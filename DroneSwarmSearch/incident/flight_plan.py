@@ -49,35 +49,23 @@ class FlightPlan:
     @classmethod
     def of(cls, incident: Incident, near: Sequence[Guess] = ()) -> FlightPlan:
         """Plan an incident, quickly if it begins near the patterns of another plan."""
-        drones = [incident.drone(number) for number in range(incident.drones)]
         many = incident.particles(FEW if near else MANY, 1)
-        few = replace(many, positions=many.positions[..., :FEW], weights=_part(many.weights, FEW))
-        areas = [
-            Area(
-                cloud,
-                drones,
-                incident.seconds(incident.start),
-                incident.swath,
-                incident.probability_of_detection,
-            )
-            for cloud in ([few] if near else [few, many, many])
-        ]
+        weights = many.weights[:FEW] / many.weights[:FEW].sum()
+        few = replace(many, positions=many.positions[..., :FEW], weights=weights)
+        areas = [Area(incident, cloud) for cloud in ([few] if near else [few, many, many])]
         with progress("planning", 1.0) as bar:
             guesses = choose(areas, near, bar)
         patterns = tuple(map(areas[-1].pattern, guesses))
         flights = []
-        for number, (drone, pattern) in enumerate(zip(drones, patterns, strict=True)):
+        for number, (drone, pattern) in enumerate(zip(areas[0].drones, patterns, strict=True)):
             flown = drone.fly(pattern)
             assert flown is not None
             degrees = incident.plane.degrees(flown[:, 1:]).tolist()
+            times = [incident.start + timedelta(seconds=each) for each in flown[:, 0].tolist()]
             height, last = incident.altitude + APART * number, len(flown) - 1
+            rows = enumerate(zip(times, degrees, strict=True))
             flights.append(
-                [
-                    Waypoint(incident.start + timedelta(seconds=t), lat, lon, height, 0 < n < last)
-                    for n, (t, (lat, lon)) in enumerate(
-                        zip(flown[:, 0].tolist(), degrees, strict=True)
-                    )
-                ]
+                [Waypoint(t, lat, lon, height, 0 < n < last) for n, (t, (lat, lon)) in rows]
             )
         return cls(incident, patterns, tuple(flights), tuple(guesses))
 
@@ -231,8 +219,3 @@ class FlightPlan:
 def _speed(speed: float) -> str:
     """A speed in m/s and knots."""
     return f"{speed:.2g} m/s ({speed / KNOT:.2g} kn)"
-
-
-def _part(weights: Floats, count: int) -> Floats:
-    part: Floats = weights[:count] / weights[:count].sum()
-    return part

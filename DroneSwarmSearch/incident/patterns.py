@@ -115,7 +115,7 @@ class Drone(NamedTuple):
             before = seconds
             wind = self.wind(times + before / 2, places + way / 2)
             seconds = turning + length / ground_speed(self.airspeed, wind, back)
-            if np.nanmax(np.abs(seconds - before), initial=0.0) < SETTLED:
+            if not np.any(np.abs(seconds - before) > SETTLED):
                 break
         return seconds
 
@@ -146,7 +146,7 @@ class Drone(NamedTuple):
             wind = self.wind(middle, (points[:-1] + points[1:]).T / 2 + drift * middle) - drift
             speed = ground_speed(self.airspeed, wind, unit)
             course = unit * speed + drift
-            course /= np.hypot(*course)
+            course /= np.maximum(np.hypot(*course), 1e-9)
             turns[1:] = self.turning(course[:, :-1], course[:, 1:])
             # While the drone turns, the next point moves on.
             flown = way + drift * turns

@@ -22,7 +22,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.drift.persons import Person
-from DroneSwarmSearch.drift.plane import TangentPlane
+from DroneSwarmSearch.drift.plane import EQUATOR, TangentPlane
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.drift.tracks import Tracks
 from DroneSwarmSearch.evaluation.suite import NamedSearch
@@ -59,8 +59,6 @@ GRID_PARTICLES, LEAST_CELLS, MOST_CELLS = 10_000, 12, 48
 
 STARTS_HOLD = 0.9
 """The drones begin in cells of the smallest area that holds this share of the probability."""
-
-_COURSE_PARTS = 32
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,16 +240,8 @@ class Incident:
 
     @cached_property
     def plane(self) -> TangentPlane:
-        """The plane of all metres; it touches the earth in the middle of the area."""
-        return TangentPlane(*_sailed(self.position, self._away))
-
-    @cached_property
-    def _away(self) -> Floats:
-        """How far the persons drift on average until half-way through the flights, in metres."""
-        if self.tracks is not None or self._fields:
-            return np.zeros(2)
-        middle = self.seconds(self.start) + self.endurance / 2
-        return self._drifted(2000, 2, middle, 1.0, 1).mean(middle)
+        """The plane of all metres; it touches the earth at the last known position."""
+        return TangentPlane(*self.position)
 
     def seconds(self, time: datetime) -> float:
         """Seconds from the last known position to a time."""
@@ -269,8 +259,19 @@ class Incident:
         step = max(SHORTEST_STEP, duration / MOST_STEPS)
         count = math.ceil(duration / step) + 1
         if self.tracks is None:
-            cloud = self._drifted(n, seed, begin, step, count)
-            cloud.positions[...] -= self._away.astype(np.float32)[:, None, None]
+            cloud = particles.drift(
+                leeway.class_of(self.object_class),
+                self.flow("wind"),
+                self.flow("current"),
+                begin=begin,
+                step=step,
+                count=count,
+                n=n,
+                seed=seed,
+                position_sd=self.position_sd,
+                wind_error=self.wind_error,
+                current_error=self.current_error,
+            )
         else:
             from DroneSwarmSearch.drift.track_files import positions
 
@@ -293,21 +294,6 @@ class Incident:
             weights = weights * cloud.missed(legs, self.swath, self.probability_of_detection)
         return replace(cloud, weights=weights / weights.sum())
 
-    def _drifted(self, n: int, seed: int, begin: float, step: float, count: int) -> Particles:
-        return particles.drift(
-            leeway.class_of(self.object_class),
-            self.flow("wind"),
-            self.flow("current"),
-            begin=begin,
-            step=step,
-            count=count,
-            n=n,
-            seed=seed,
-            position_sd=self.position_sd,
-            wind_error=self.wind_error,
-            current_error=self.current_error,
-        )
-
     @cached_property
     def _fields(self) -> dict[str, Field]:
         """The fields of wind and current that are files."""
@@ -324,23 +310,19 @@ class Incident:
 
     def flow(self, name: str) -> Flow:
         """The "wind" at 10 m or the "current", at times in seconds and places on the plane."""
-        if name not in self._fields:
-            values = series(getattr(self, name))
-            return lambda times, _: values(np.atleast_1d(times))
-        field, since, (latitude, longitude) = (
-            self._fields[name],
-            self.time.timestamp(),
-            self.position,
-        )
+        field, since = self._fields.get(name), self.time.timestamp()
+        known = None if field else series(getattr(self, name))
+        # North is towards the pole, which is another direction elsewhere on the plane.
+        turning = np.tan(np.radians(self.position[0])) / EQUATOR
 
         def velocity(times: Any, places: Floats) -> Floats:
-            degrees = self.plane.degrees(places.T).T
-            east, north = field.at(since + times, *degrees)
-            # North is towards the pole, which is another direction there than on the plane.
-            away = np.radians((degrees[1] - longitude + 180) % 360 - 180)
-            turned = away * np.sin(np.radians(latitude))
-            sin, cos = np.sin(turned), np.cos(turned)
-            return np.array([east * cos - north * sin, east * sin + north * cos])
+            if field is not None:
+                east, north = field.at(since + times, *self.plane.degrees(places.T).T)
+            else:
+                assert known is not None
+                east, north = known(np.atleast_1d(times))
+            turned = turning * places[0]
+            return np.array([east - turned * north, north + turned * east])
 
         return velocity
 
@@ -473,7 +455,7 @@ class Incident:
         limit = scale.whole_steps(last - first)
         times = (first + scale.seconds_per_step * np.arange(limit + 1) - cloud.begin) / cloud.step
         row = np.minimum(times.astype(np.int64), cloud.positions.shape[1] - 2)
-        part = (times - row)[:, None].astype(np.float32)
+        part = (times - row).clip(0, 1)[:, None].astype(np.float32)
         here, ahead = cloud.positions[:, row], cloud.positions[:, row + 1]
         cells = np.stack(here + part * (ahead - here), axis=-1) * (1, -1) / metres + middle
         tracks = Tracks(cells.clip(0, size - 1), cloud.weights)
@@ -525,14 +507,6 @@ def stronger(flow: Any, by: float) -> Any:
     if isinstance(flow, Mapping):
         return {time: stronger(each, by) for time, each in flow.items()}
     return tuple(each * (1.0 + by / max(math.hypot(*flow), 1e-9)) for each in flow)
-
-
-def _sailed(position: Pair, away: Floats) -> Pair:
-    """Where a constant course leads, given metres (east, north)."""
-    for _ in range(_COURSE_PARTS):
-        latitude, longitude = TangentPlane(*position).degrees(away / _COURSE_PARTS).tolist()
-        position = latitude, longitude
-    return position
 
 
 def _read(name: str, read: Callable[..., Any], *given: object) -> Any:
