@@ -200,7 +200,13 @@ def test_every_leg_can_be_flown_in_the_wind_and_the_drone_returns(
     turn: float,
 ) -> None:
     later = {0: wind, 3600: wind, 3600 + endurance: (-wind[1], wind[0])}
-    values = {"speed": speed, "endurance": endurance, "reserve": reserve, "turn": turn}
+    values: dict[str, Any] = {
+        "speed": speed,
+        "endurance": endurance,
+        "reserve": reserve,
+        "turn": turn,
+    }
+    values["base"] = (54.21, 7.84)
     incident = Incident(**{**KNOWN, **values, "wind": later if veers else wind})
     drone = incident.drone(2)
     flight = drone.fly(pattern)

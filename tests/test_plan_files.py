@@ -95,6 +95,7 @@ def test_the_map_in_kml_lies_where_the_grid_does(plan: FlightPlan, folder: Path)
     overlays = list(find_all(kml.KML.parse(folder / "plan.kml"), of_type=GroundOverlay))
     matrix, (west, south), (east, north) = plan.density(plan.on_scene)
     opacity, size, half = [], len(matrix), (east - west) / 2
+    half += np.hypot(east + west, north + south) / 2  # from the last known position
     for overlay in overlays:
         picture = pygame.image.load(folder / overlay.icon.href)
         opacity.append(pygame.surfarray.array_alpha(picture).T)
@@ -112,7 +113,12 @@ def test_the_map_in_kml_lies_where_the_grid_does(plan: FlightPlan, folder: Path)
     west, east = boxes[0].west, boxes[-1].east
     north, south = boxes[0].north, boxes[0].south
     box = [west, east, west, east], [north, north, south, south]
-    most = 1.1 * half**2 * abs(np.tan(np.radians(plan.incident.position[0]))) / 6.37e6
+    most = (
+        half
+        * (1.1 * half + abs(west_of))
+        * abs(np.tan(np.radians(plan.incident.position[0])))
+        / 6.37e6
+    )
     assert max(GEOD.inv(*box, longitudes, latitudes)[2]) < most + 0.2
 
 
