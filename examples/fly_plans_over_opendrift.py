@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import leeway
+from DroneSwarmSearch.drift.plane import EQUATOR
 from DroneSwarmSearch.incident import FlightPlan, Incident
 
 Floats = NDArray[np.float64]
@@ -51,7 +52,7 @@ def random_incident(rng: np.random.Generator) -> Incident:
 
 
 def simulated(incident: Incident, until: float, options: argparse.Namespace) -> Floats:
-    """OpenDrift's objects in metres from their mean path's start: (times, objects, 2)."""
+    """OpenDrift's objects in metres on the plane of the incident: (times, objects, 2)."""
     known = opendrift.Incident(
         incident.object_class, incident.wind, incident.current, position_sd=0.0
     )
@@ -62,17 +63,20 @@ def simulated(incident: Incident, until: float, options: argparse.Namespace) -> 
     positions = (1 - part) * tracks[before] + part * tracks[before + 1]
     walk = np.random.normal(0.0, math.sqrt(2 * DIFFUSIVITY * STEP), positions.shape)
     start = np.random.normal(0.0, incident.position_sd, positions.shape[1:])
-    found: Floats = positions + start + walk.cumsum(axis=0)
-    return found
+    # OpenDrift's objects were at the equator. Elsewhere, north is another direction on the plane.
+    turning = math.tan(math.radians(incident.position[0])) / EQUATOR
+    found = [start]
+    for east, north in np.diff(positions + walk.cumsum(axis=0), axis=0).transpose(0, 2, 1):
+        turned = turning * found[-1][:, 0]
+        moves = np.stack([east - turned * north, north + turned * east], axis=-1)
+        found.append(found[-1] + moves)
+    return np.array(found)
 
 
 def found(plan: FlightPlan, options: argparse.Namespace) -> float:
     """The share of OpenDrift's objects that the flights find."""
     incident = plan.incident
     tracks = simulated(incident, incident.seconds(plan.landed), options)
-    # The plane of the plan touches the earth where the mean is half-way through the flights.
-    middle = incident.seconds(incident.start) + incident.endurance / 2
-    tracks = tracks - tracks[round(middle / STEP)].mean(axis=0)
     passed = np.zeros(tracks.shape[1])
     for flight in plan.flights:
         places = incident.plane.metres(

@@ -113,12 +113,7 @@ def test_the_map_in_kml_lies_where_the_grid_does(plan: FlightPlan, folder: Path)
     west, east = boxes[0].west, boxes[-1].east
     north, south = boxes[0].north, boxes[0].south
     box = [west, east, west, east], [north, north, south, south]
-    most = (
-        half
-        * (1.1 * half + abs(west_of))
-        * abs(np.tan(np.radians(plan.incident.position[0])))
-        / 6.37e6
-    )
+    most = 1.1 * half**2 * abs(np.tan(np.radians(plan.incident.position[0]))) / 6.37e6
     assert max(GEOD.inv(*box, longitudes, latitudes)[2]) < most + 0.2
 
 
