@@ -191,9 +191,5 @@ def _around(data: Any, variable: Any, kind: str, position: Pair) -> tuple[list[F
     for place, near in zip(places, order, strict=True):
         index[place] = slice(int(near.min()), int(near.max()) + 1)
     read = np.ma.filled(variable[tuple(index)].astype(np.float64), np.nan)
-    read = np.moveaxis(read, places, range(3)).reshape(
-        [len(range(*index[p].indices(10**9))) for p in places]
-    )
-    for axis_, near in enumerate(order):
-        read = read.take(near - near.min(), axis=axis_)
-    return values, read
+    read = np.moveaxis(read, places, range(3)).reshape([int(np.ptp(near)) + 1 for near in order])
+    return values, read[np.ix_(*(near - near.min() for near in order))]

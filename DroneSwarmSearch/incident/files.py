@@ -130,8 +130,8 @@ def _write_overlays(plan: FlightPlan, folder: Path) -> dict[str, dict[str, float
     """Write the map at the start as PNG, in two parts at the date line; its edges, by file.
 
     The edges are the parallels and meridians through the middles of the map's edges. Up to d
-    from the last known position, corners are off by 1.1 d² tan(latitude) / R, where R is the radius of the
-    earth: by 30 m for 10 km at 60 degrees.
+    from the last known position, corners are off by 1.1 d² tan(latitude) / R, where R is the radius
+    of the earth: by 30 m for 10 km at 60 degrees.
     """
     import pygame
 
