@@ -385,7 +385,7 @@ def test_searches_policies_and_seeds_are_chosen(browser, address):
 
 
 def test_views_of_the_map(browser, address):
-    player = Player(browser, f"{address}/play.html#two-positions/planner/2")
+    player = Player(browser, f"{address}/play.html#two-positions/planner/1")
     player.scrub(60)
     player.reach(60)
     pictures = {}
