@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from dataclasses import replace
 from datetime import timedelta
 from itertools import pairwise
@@ -401,6 +402,12 @@ def test_the_search_on_a_grid_has_the_particles_as_tracks() -> None:
     size = wide.scale.metres_per_cell / 30
     assert size == round(size) > 1
     assert wide.scenario.persons[0].probability_of_detection == pytest.approx(0.8 / size)
+
+
+def test_a_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cmaes", None)
+    with pytest.raises(ImportError, match=r"needs the package cmaes: pip install .*\[plan\]"):
+        Incident(**KNOWN).plan()
 
 
 @pytest.mark.parametrize(

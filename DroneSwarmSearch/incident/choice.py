@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch.evaluation.parallel import needed
 from DroneSwarmSearch.incident.particles import Particles
 from DroneSwarmSearch.incident.patterns import (
     KINDS,
@@ -107,8 +108,7 @@ class Area:
         self, drone: Drone, others: Floats, near: Guess | None, rng: np.random.Generator
     ) -> Guess:
         """The best pattern of a drone, near another one or anywhere, given what others miss."""
-        import cmaes
-
+        cmaes = needed("cmaes", "planning needs the package cmaes", "plan")
         weights = self._particles.weights * others
 
         def left(guess: Guess) -> float:
