@@ -175,6 +175,17 @@ def test_drones_fly_in_the_wind_of_the_file(tmp_path: Path) -> None:
     assert Incident(**KNOWN).particles(100, 0).ashore == 0
 
 
+def test_files_need_to_cover_the_persons_only(tmp_path: Path) -> None:
+    """Not all flights that drones try, nor the hours after the last landing, nor the whole map."""
+    path = write(tmp_path / "weather.nc", shear, ("x_wind", "y_wind"), points=61)
+    ocean = write(tmp_path / "ocean.nc", shear)
+    known = {**KNOWN, "time": "2026-03-01T07:00Z", "start": "2026-03-01T07:55Z", "swath": 500}
+    incident = Incident(**{**known, "wind": path, "speed": 60, "position_sd": 3000}, current=ocean)
+    plan = incident.plan()
+    assert plan.probability_of_success > 0
+    chart.draw(plan, [0])
+
+
 def test_an_incident_with_fields_survives_its_file(tmp_path: Path) -> None:
     incident = Incident(**KNOWN, current=write(tmp_path / "ocean.nc", shear))
     incident.save(tmp_path / "plan" / "incident.json")

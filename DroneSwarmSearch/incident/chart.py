@@ -91,7 +91,7 @@ def draw(plan: FlightPlan, drones: Sequence[int]) -> Figure:
         across, up_ = (np.linspace(*each, 14)[1:-1] for each in ((left, right), (bottom, top)))
         grid = np.stack(np.meshgrid(across, up_)).reshape(2, -1)
         middle = incident.seconds(plan.on_scene)
-        arrows = incident.flow("current")(middle, grid)
+        arrows = incident.flow("current", checked=False)(middle, grid)
         fastest = f"{np.nanmax(np.hypot(*arrows)) / KNOT:.1f} kn"
         label = f"current at {plan.on_scene:%H:%M}, up to {fastest}"
         axes.plot([], [], marker=r"$\rightarrow$", label=label, **SIGN | {"color": "0.45"})

@@ -98,13 +98,14 @@ class Field:
         times, latitudes, longitudes = axes
         return cls(path, model, times, latitudes, longitudes, flat)
 
-    def at(self, time: Any, latitude: Floats, longitude: Floats) -> Floats:
+    def at(self, time: Any, latitude: Floats, longitude: Floats, *, checked: bool = True) -> Floats:
         """The velocity (east, north), (2, n), at times in seconds since 1970; NaN on land.
 
         Args:
             time: one for all places, or one for each.
             latitude: in degrees, (n,).
             longitude: in degrees, (n,).
+            checked: whether to refuse places and times off the field; if not, its edge counts.
 
         Raises:
             ValueError: more than 1% of the places or times are off the field.
@@ -112,7 +113,7 @@ class Field:
         off = (longitude - self.longitudes.mean() + 180) % 360 - 180 + self.longitudes.mean()
         given = (np.asarray(time), self.times), (latitude, self.latitudes), (off, self.longitudes)
         outside = sum((at < axis[0] - 1e-6) | (at > axis[-1] + 1e-6) for at, axis in given) > 0
-        if np.mean(outside) > MOST_OUTSIDE:
+        if checked and np.mean(outside) > MOST_OUTSIDE:
             south, north, west, east = *self.latitudes[[0, -1]], *self.longitudes[[0, -1]]
             raise ValueError(
                 f"{self.path} must cover the drift, but covers only {self.hours}, latitudes "

@@ -308,7 +308,7 @@ class Incident:
                     )
         return found
 
-    def flow(self, name: str) -> Flow:
+    def flow(self, name: str, *, checked: bool = True) -> Flow:
         """The "wind" at 10 m or the "current", at times in seconds and places on the plane."""
         field, since = self._fields.get(name), self.time.timestamp()
         known = None if field else series(getattr(self, name))
@@ -317,7 +317,8 @@ class Incident:
 
         def velocity(times: Any, places: Floats) -> Floats:
             if field is not None:
-                east, north = field.at(since + times, *self.plane.degrees(places.T).T)
+                degrees = self.plane.degrees(places.T).T
+                east, north = field.at(since + times, *degrees, checked=checked)
             else:
                 assert known is not None
                 east, north = known(np.atleast_1d(times))
@@ -329,7 +330,8 @@ class Incident:
     def drone(self, number: int) -> Drone:
         """A drone in the wind at its height; its times are in seconds after take-off."""
         height = max(self.altitude + APART * number, 1.0)
-        wind, start = self.flow("wind"), self.seconds(self.start)
+        # Drones try flights that leave the field, but only fly near the particles.
+        wind, start = self.flow("wind", checked=False), self.seconds(self.start)
         return Drone(
             self.speed,
             self.turn,
