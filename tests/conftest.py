@@ -12,6 +12,7 @@ from hypothesis import settings
 # Tests run in parallel processes, whose BLAS threads would only compete. NumPy reads this once.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from DroneSwarmSearch.incident import choice, flight_plan
 from DroneSwarmSearch.planning import plan
 
 settings.register_profile("busy machines", deadline=None)
@@ -29,9 +30,11 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.fixture(autouse=True)
 def quick_plans(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the planner do little work, except in tests of the quality of plans."""
+    """Let the planners do little work, except in tests of the quality of plans."""
     if request.node.get_closest_marker("good_plans") is None:
         monkeypatch.setattr(plan, "ENOUGH", 1)
+        monkeypatch.setattr(choice, "GENERATIONS", 3)
+        monkeypatch.setattr(flight_plan, "FIGURES", 10_000)
 
 
 @pytest.fixture

@@ -289,6 +289,7 @@ def found(plan: FlightPlan, persons: int = 20_000, seed: int = 5) -> float:
     return float(cloud.weights @ (1 - missed))
 
 
+@pytest.mark.good_plans
 @pytest.mark.parametrize(
     "values",
     [
@@ -325,6 +326,7 @@ def test_plans_beat_a_rectangle_around_the_middle(plan: FlightPlan) -> None:
 # The second sortie.
 
 
+@pytest.mark.good_plans
 def test_the_second_sortie_begins_with_the_posterior_of_the_first(plan: FlightPlan) -> None:
     again = plan.incident.after(plan)
     assert again.start == plan.landed + timedelta(minutes=30)
