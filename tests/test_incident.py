@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+import warnings
 from dataclasses import replace
 from datetime import timedelta
 from itertools import pairwise
@@ -380,10 +381,24 @@ def test_tracks_take_the_place_of_class_and_current(tmp_path: Path) -> None:
     incident.save(tmp_path / "elsewhere" / "incident.json")
     again = Incident.read(tmp_path / "elsewhere" / "incident.json")
     assert Path(again.tracks).samefile(path)
+    with warnings.catch_warnings():  # a position that is not near all tracks is no mistake
+        warnings.simplefilter("error")
+        replace(incident, position=(10.02, 179.99)).particles(100, 0)
     windy = replace(incident, wind="90 8m/s").drone(0).wind(np.zeros(1), np.zeros((2, 1)))
     assert windy.ravel() == pytest.approx([-8 * 10**0.11, 0]), "on the drone only"
     with pytest.raises(ValueError, match="object_class cannot be given together with tracks"):
         Incident(tracks=path, object_class="PIW-1")
+    degrees[::5, 60:] = np.nan
+    write(path, degrees, seconds=np.arange(times) * 60.0)
+    with pytest.raises(ValueError, match="must lose at most 10% of its elements before the last"):
+        Incident(tracks=path, start=NOON + timedelta(minutes=20)).particles(100, 0)
+
+
+def test_files_of_tracks_may_have_any_name(tmp_path: Path) -> None:
+    path = write(tmp_path / "tracks.oil", [[(4.8, 60.0)] * 120] * 20, seconds=np.arange(120) * 60.0)
+    incident = Incident(tracks=path)
+    incident.save(tmp_path / "elsewhere" / "incident.json")
+    assert Incident.read(tmp_path / "elsewhere" / "incident.json").position == incident.position
 
 
 def test_the_search_on_a_grid_has_the_particles_as_tracks() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.drift.scale import Scale
 
@@ -18,8 +19,8 @@ Pair = tuple[float, float]
 USUAL = {"lon": "longitude", "lat": "latitude"}
 """Names of variables without a standard name."""
 
-FARTHEST = 200
-"""Cells from the given cell; if no track comes nearer, the position is probably a mistake."""
+MOST_LOST = 0.1
+"""The largest share of lost tracks: nobody knows what became of them."""
 
 
 def positions(
@@ -37,7 +38,7 @@ def positions(
 
     The last value is when all elements are adrift for the first time; None: from the beginning.
 
-    Between the file's times they are interpolated. See `Tracks.read` for the arguments.
+    Between the file's times they are interpolated. See `Tracks.read` for arguments and errors.
     """
     degrees, seconds, stranded = _read(path, scale.seconds_per_step)
     known = np.isfinite(degrees[0])
@@ -54,19 +55,19 @@ def positions(
     longitude, latitude = degrees
     metres = TangentPlane(*origin).metres(latitude, longitude)
     cells = metres * (1, -1) / scale.metres_per_cell + cell
-    nearest = np.nanmin(np.abs(cells - cell).max(axis=2), initial=np.inf)
-    if FARTHEST < nearest < np.inf:
-        warnings.warn(
-            f"no track of {path} comes within {nearest:.0f} cells of cell={cell}, the position "
-            f"origin={origin}: are latitude and longitude exchanged, here or in the file?",
-            stacklevel=3,
-        )
     tracks, adrift, lost = _tracked(cells, seconds, times, stranded)
+    is_later, elements = released > seconds[0], lost + tracks.shape[1]
+    if lost > MOST_LOST * elements:
+        later = f"start at {_utc(released)}, when all are adrift" if is_later else "start later"
+        raise ValueError(
+            f"{path} must lose at most {MOST_LOST:.0%} of its elements before the last step but "
+            f"for stranding, got {lost:,} of {elements:,}: simulate a larger area, {later} or take "
+            "fewer steps"
+        )
     if diffusivity:
         deviation, shape = np.sqrt(scale.diffusion(diffusivity)), tracks[1:].shape
         moves = np.random.default_rng(seed).normal(0.0, deviation, shape) * adrift[:-1, :, None]
         tracks[1:] += moves.cumsum(axis=0)
-    is_later = released > seconds[0]
     return tracks, int(np.sum(~adrift[-1])), lost, _utc(released) if is_later else None
 
 
@@ -137,14 +138,9 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
 
 def opened(path: Path) -> Any:
     """A NetCDF file, to read and close."""
+    netcdf = needed("netCDF4", "reading NetCDF needs the package netCDF4", "tracks")
     try:
-        import netCDF4
-    except ImportError as error:
-        raise ImportError(
-            'reading NetCDF needs netCDF4: pip install "DroneSwarmSearchEnvironment[tracks]"'
-        ) from error
-    try:
-        return netCDF4.Dataset(path)
+        return netcdf.Dataset(path)
     except OSError as error:
         raise ValueError(f"{path} must be a NetCDF file, got another: {error}") from None
 

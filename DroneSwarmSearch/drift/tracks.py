@@ -22,8 +22,8 @@ from DroneSwarmSearch.drift.scale import Scale
 if TYPE_CHECKING:
     from DroneSwarmSearch.scenario import Scenario
 
-MOST_LOST = 0.1
-"""The largest share of lost tracks: nobody knows what became of them."""
+FARTHEST = 200
+"""Cells from the given cell; if no track comes nearer, the position is probably a mistake."""
 
 MOST_BEYOND, MOST_UNSEEN = 0.01, 0.1
 """The shares above which there is a warning: of tracks off the grid, and of those that are held out
@@ -281,13 +281,13 @@ class Tracks:
             positions, stranded, lost, released = track_files.positions(
                 Path(path), scale, **arguments
             )
-            elements = lost + positions.shape[1]
-            if lost > MOST_LOST * elements:
-                later = f"start at {released}, when all are adrift" if released else "start later"
-                raise ValueError(
-                    f"{path} must lose at most {MOST_LOST:.0%} of its elements before the last "
-                    f"step but for stranding, got {lost:,} of {elements:,}: simulate a larger "
-                    f"area, {later} or take fewer steps"
+            nearest = np.abs(positions - arguments["cell"]).max(axis=2).min()
+            if nearest > FARTHEST:
+                warnings.warn(
+                    f"no track of {path} comes within {nearest:.0f} cells of cell={cell}, the "
+                    f"position origin={origin}: are latitude and longitude exchanged, here or in "
+                    "the file?",
+                    stacklevel=2,
                 )
             if released and start is None:
                 arguments["start"] = released.isoformat()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch._internal.progress import progress
 
 
@@ -42,12 +42,3 @@ def _use_ray(address: str) -> None:
     if not ray.is_initialized():
         ray.init(address=address, log_to_driver=False, logging_level="error")
     backend.register_ray()
-
-
-def needed(module: str, reason: str, extra: str) -> Any:
-    """A module; ImportError says which extra installs what it needs."""
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        hint = f"{reason}: pip install 'DroneSwarmSearchEnvironment[{extra}]'"
-        raise ImportError(hint) from error

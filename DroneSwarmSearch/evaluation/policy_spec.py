@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch._internal.errors import did_you_mean
-from DroneSwarmSearch.evaluation.parallel import needed
+from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.imitation import ImitationPolicy, Network

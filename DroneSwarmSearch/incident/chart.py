@@ -98,11 +98,11 @@ def draw(plan: FlightPlan, drones: Sequence[int]) -> Figure:
         axes.quiver(*grid, *arrows, color="0.45", width=0.0016, pivot="middle", zorder=1)
     arrow = {"arrowstyle": "simple,head_width=.8,tail_width=.3", "facecolor": "white"}
     axes.annotate("", means[1], means[0], arrowprops=arrow | {"shrinkA": 0, "shrinkB": 0}, zorder=6)
-    label = f"mean drift {course(means[1] - means[0])}"
+    label = f"mean drift {_course(means[1] - means[0])}"
     axes.plot([], [], marker=r"$\Rightarrow$", label=label, **SIGN)
     axes.plot([], [], marker="$10$", label=f"minutes since {start:%H:%M}", **SIGN)
     up = 11 if known[1] >= base[1] else -11  # the name of the northern place above it
-    away = f": {course(base - known)} from there" if np.hypot(*(base - known)) > point else ""
+    away = f": {_course(base - known)} from there" if np.hypot(*(base - known)) > point else ""
     _place(axes, base, "s", 15, f"take-off, {start:%H:%M}", -up, away)
     _place(axes, known, "oP", 8, f"last known position, {incident.time:%H:%M}", up, "")
 
@@ -242,7 +242,7 @@ def _place(axes: Any, at: Floats, symbols: str, size: float, name: str, up: int,
     axes.annotate(name, at, offset, textcoords="offset points", **look)
 
 
-def course(metres: Floats) -> str:
+def _course(metres: Floats) -> str:
     """A distance and a direction, from an offset in metres (east, north)."""
     length, degrees = np.hypot(*metres), np.degrees(np.arctan2(*metres)) % 360
     return f"{length / 1000:.1f} km ({length / 1852:.1f} NM), {degrees:03.0f}°"

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.evaluation.parallel import needed
+from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch.incident.particles import Particles
 from DroneSwarmSearch.incident.patterns import (
     KINDS,

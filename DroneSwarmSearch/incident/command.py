@@ -119,7 +119,7 @@ def _read(path: Path) -> Incident:
 def summary(plan: FlightPlan) -> str:
     """One screen: what the plan finds and when, the orders, what more would bring, what it assumes.
 
-    What more would bring is compared with plans of as little work.
+    What more would bring is that of quick plans, which begin with this one's patterns.
     """
     incident, scene = plan.incident, plan.on_scene
     times = {each: scene + timedelta(minutes=each) for each in MINUTES}

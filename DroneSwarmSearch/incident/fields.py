@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -112,8 +113,7 @@ class Field:
         """
         off = (longitude - self.longitudes.mean() + 180) % 360 - 180 + self.longitudes.mean()
         given = (np.asarray(time), self.times), (latitude, self.latitudes), (off, self.longitudes)
-        outside = sum((at < axis[0] - 1e-6) | (at > axis[-1] + 1e-6) for at, axis in given) > 0
-        if checked and np.mean(outside) > MOST_OUTSIDE:
+        if checked and _share_outside(given) > MOST_OUTSIDE:
             south, north, west, east = *self.latitudes[[0, -1]], *self.longitudes[[0, -1]]
             raise ValueError(
                 f"{self.path} must cover the drift, but covers only {self.hours}, latitudes "
@@ -143,6 +143,12 @@ class Field:
         """The first and the last time."""
         first, last = (datetime.fromtimestamp(each, timezone.utc) for each in self.times[[0, -1]])
         return f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
+
+
+def _share_outside(given: Sequence[tuple[Any, Floats]]) -> float:
+    """The share of points that lie beyond an axis."""
+    outside = sum((at < axis[0] - 1e-6) | (at > axis[-1] + 1e-6) for at, axis in given) > 0
+    return float(np.mean(outside))
 
 
 def _between(at: Any, axis: Floats) -> tuple[Ints, Floats]:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.incident import units
 from DroneSwarmSearch.incident.choice import Area, Guess, choose
@@ -79,7 +79,7 @@ class FlightPlan:
         return self.incident.particles(FIGURES, 0)
 
     @cached_property
-    def _passes(self) -> tuple[Floats, Floats]:
+    def _passes(self) -> tuple[Ints, Floats]:
         """Which particle a drone passes, and when, in seconds after the last known position."""
         incident = self.incident
         legs = [legs_of(flight, incident.plane, incident.time) for flight in self.flights]
@@ -93,9 +93,7 @@ class FlightPlan:
         cloud, (who, when) = self.particles, self._passes
         if by is not None:
             who = who[when <= self.incident.seconds(by)]
-        missed = (1.0 - self.incident.probability_of_detection) ** np.bincount(
-            who, minlength=len(cloud.weights)
-        )
+        missed = cloud.missed_after(who, self.incident.probability_of_detection)
         return float(cloud.weights @ (1.0 - missed))
 
     @property
@@ -190,7 +188,7 @@ class FlightPlan:
             )
         if self.particles.ashore >= 0.005:
             drift += f" {self.particles.ashore:.0%} of the persons strand by {self.landed:%H:%M}."
-        blows = max(float(np.hypot(*incident.drone(0).wind(np.zeros(1), np.zeros((2, 1))))[0]), 0.0)
+        blows = float(np.hypot(*incident.drone(0).wind(np.zeros(1), np.zeros((2, 1))))[0])
         return [
             drift,
             f"Drones fly {_speed(incident.speed)} in still air, the wind at their height is "

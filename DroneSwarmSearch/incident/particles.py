@@ -107,9 +107,12 @@ class Particles:
 
     def missed(self, legs: Floats, swath: float, detection: float) -> Floats:
         """The probability that all passes miss a particle, if it is where it is: float64, (n,)."""
-        who, _ = self.passes(legs, swath)
-        times = np.bincount(who, minlength=len(self.weights)).astype(np.float64)
-        missed: Floats = (1.0 - detection) ** times
+        return self.missed_after(self.passes(legs, swath)[0], detection)
+
+    def missed_after(self, who: Ints, detection: float) -> Floats:
+        """The same, given the particles of `passes`."""
+        passes = np.bincount(who, minlength=len(self.weights))
+        missed: Floats = (1.0 - detection) ** passes.astype(np.float64)
         return missed
 
 
@@ -131,8 +134,8 @@ def drift(
 
     The Leeway model of Breivik and Allen (2008), as `leeway` describes it, in each particle's own
     wind: an object's errors are its own for life, and so are those of wind and current. Turbulence
-    is a random walk. Who comes to land stays there. A step takes
-    the velocity at its middle, where the last step's velocity leads.
+    is a random walk. Who comes to land stays there. A step takes the velocity at its middle, where
+    the last step's velocity leads.
 
     Args:
         kind: the class of the object.

@@ -168,17 +168,16 @@ class Drone(NamedTuple):
         last = int(late.argmax()) if late.any() else len(late)
         if last == 0:
             return None
-        times, places, rest = times[: last + 1], places[:, : last + 1], (times, places)
-        back = back[last - 1]
-        if last < len(late) and rest[0][last + 1] < 2 * self.endurance:  # part of the next leg
+        flown, here, home = times[: last + 1], places[:, : last + 1], back[last - 1]
+        if last < len(late) and times[last + 1] < 2 * self.endurance:  # part of the next leg
             part = np.linspace(0.0, 1.0, 257)[1:-1]
-            begin = times[-1] + turns[last]
-            then = begin + part * (rest[0][last + 1] - begin)
-            there = places[:, -1:] + part * (rest[1][:, last + 1] - places[:, -1])[:, None]
-            backs = self.home(then, there, course[:, last : last + 1])
-            if (can := then + backs <= self.endurance)[0]:
+            begin = times[last] + turns[last]
+            then = begin + part * (times[last + 1] - begin)
+            there = here[:, -1:] + part * (places[:, last + 1] - here[:, -1])[:, None]
+            homes = self.home(then, there, course[:, last : last + 1])
+            if (can := then + homes <= self.endurance)[0]:
                 end = int(can.argmin()) - 1 if not can.all() else len(part) - 1
-                times, back = np.append(times, then[end]), backs[end]
-                places = np.append(places, there[:, end : end + 1], axis=1)
-        times, places = np.append(times, times[-1] + back), np.column_stack([places, self.base])
-        return np.vstack([times, places]).T
+                flown, home = np.append(flown, then[end]), homes[end]
+                here = np.append(here, there[:, end : end + 1], axis=1)
+        flown, here = np.append(flown, flown[-1] + home), np.column_stack([here, self.base])
+        return np.vstack([flown, here]).T

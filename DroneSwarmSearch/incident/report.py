@@ -66,10 +66,9 @@ class Incident:
     """What a rescue centre knows: who drifts, where they were last seen, and which drones can fly.
 
     Positions are (latitude, longitude) in degrees, or text such as ("54-10.8N", "007-51.0E");
-    lengths are in metres, durations in seconds and
-    speeds in m/s. Times are datetimes with a time zone, or text such as "2026-03-01T05:30Z".
-
-    Quantities may be text with units, such as "20 kn", "0.5 NM" and "45 min".
+    lengths are in metres, durations in seconds and speeds in m/s, or text with units, such as
+    "20 kn", "0.5 NM" and "45 min". Times are datetimes with a time zone, or text such as
+    "2026-03-01T05:30Z".
 
     Attributes:
         position: the last known position.
@@ -415,7 +414,10 @@ class Incident:
         if not isinstance(data, dict):
             raise ValueError(f"{path} must hold an incident, a JSON object, got {data!r:.100}")
         for name in ("tracks", "wind", "current"):
-            if isinstance(file := data.get(name), str) and Path(file).suffix in (".nc", *FILES):
+            file = data.get(name)
+            if file and (
+                name == "tracks" or (isinstance(file, str) and Path(file).suffix in FILES)
+            ):
                 data[name] = os.path.normpath(Path(path).parent / file)
         return cls(**data)
 
@@ -487,9 +489,12 @@ QUANTITIES = {
     **dict.fromkeys(("wind_error", "current_error", "speed"), units.SPEED),
     **dict.fromkeys(("endurance", "reserve", "turn"), units.TIME),
 }
-FILES = ".csv", ".nc", ".nc4", ".cdf"
+"""The units of quantities."""
 
 ABOVE_ZERO = "speed", "swath", "endurance"
+
+FILES = ".csv", ".nc", ".nc4", ".cdf"
+"""By which winds and currents in files are recognised."""
 
 FLOWS = (
     ("wind", leeway.wind_from, FASTEST_WIND),
