@@ -238,7 +238,9 @@ def _place(axes: Any, at: Floats, symbols: str, size: float, name: str, up: int,
     for symbol in symbols:
         axes.plot(*at, f"k{symbol}", markerfacecolor="white", markersize=size, zorder=9)
     look: Any = {"va": "center", "bbox": BOX, "zorder": 9}
-    look["ha"], offset = ("left", (11, up)) if beside[0] < 0 else ("right", (-11, up))
+    # On the outer side where there is room, since drones fly on the other one.
+    is_right = (beside[0] < 0) == (abs(beside[0]) > 0.52)
+    look["ha"], offset = ("left", (11, up)) if is_right else ("right", (-11, up))
     axes.annotate(name, at, offset, textcoords="offset points", **look)
 
 
