@@ -15,8 +15,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from DroneSwarmSearch.incident import choice, flight_plan
 from DroneSwarmSearch.planning import plan
 
-settings.register_profile("busy machines", deadline=None)
-settings.load_profile("busy machines")
+# The same examples in each run; `--hypothesis-profile explore` draws others, and more of them.
+settings.register_profile("same", deadline=None, derandomize=True)
+settings.register_profile("explore", deadline=None, max_examples=1000)
+settings.load_profile("same")
 
 UNPACKED_SDIST = (Path(__file__).parents[1] / "PKG-INFO").exists()
 

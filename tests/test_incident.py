@@ -201,7 +201,7 @@ def test_every_leg_can_be_flown_in_the_wind_and_the_drone_returns(
     reserve: float,
     turn: float,
 ) -> None:
-    later = {0: wind, 3600: wind, 3600 + endurance: (-wind[1], wind[0])}
+    later = {0: wind, 3600: wind, 4 * 3600: (-wind[1], wind[0])}
     values: dict[str, Any] = {
         "speed": speed,
         "endurance": endurance,
@@ -231,7 +231,8 @@ def test_every_leg_can_be_flown_in_the_wind_and_the_drone_returns(
         seconds = after[0] - now[0] - turned / (math.pi / 2) * turn
         blows = drone.wind(np.linspace(now[0], after[0], 9), np.zeros((2, 9))).mean(axis=1)
         air = np.hypot(*(way / seconds - blows))
-        assert (0.7 if veers else 0.99) * speed < air < (1.05 if veers else 1.01) * speed
+        # The wind is that half-way, of the whole leg where the way home cuts it short.
+        assert (0.95 if veers else 0.99) * speed < air < (1.05 if veers else 1.01) * speed
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -154,9 +154,9 @@ class Area:
         way, zero = (self._middle - drone.base)[:, None], np.zeros(1)
         length, wind = np.hypot(*way), drone.wind(zero, self._middle[:, None])
         unit = way / np.maximum(length, 1e-9)
-        there = float((length / ground_speed(drone.airspeed, wind, unit))[0])
-        home = float(drone.home(zero, self._middle[:, None], unit)[0])
-        if np.isnan(there + home):
+        speeds = [ground_speed(drone.airspeed, wind, track) for track in (unit, -unit)]
+        both_ways = sum(float((length / speed)[0]) for speed in speeds)
+        if np.isnan(both_ways):
             blows = float(np.hypot(*wind)[0])
             return (
                 f"speed must be above that of the headwind, {blows:.1f} m/s at the height of the "
@@ -165,7 +165,7 @@ class Area:
             )
         return (
             f"endurance must leave time to search, got {drone.endurance / 60:.0f} minutes without "
-            f"the reserve, of which the way to the area and back takes {(there + home) / 60:.0f}: "
+            f"the reserve, of which the way to the area and back takes {both_ways / 60:.0f}: "
             "take off nearer or earlier, or use drones that fly longer or faster"
         )
 

@@ -106,7 +106,10 @@ class Drone(NamedTuple):
     wind: Callable[[Floats, Floats], Floats]
 
     def home(self, times: Floats, places: Floats, unit: Floats) -> Floats:
-        """Seconds for the way home at times from places, (2, n), after flying along `unit`."""
+        """Seconds for the way home at times from places, (2, n), after flying along `unit`.
+
+        They are infinite where the drone makes no headway.
+        """
         way = self.base[:, None] - places
         length = np.hypot(*way)
         back = np.where(length > 0, way / np.maximum(length, 1e-9), unit)
@@ -114,10 +117,11 @@ class Drone(NamedTuple):
         for _ in range(8):  # the wind half-way
             before = seconds
             wind = self.wind(times + before / 2, places + way / 2)
-            seconds = turning + length / ground_speed(self.airspeed, wind, back)
-            if not np.any(np.abs(seconds - before) > SETTLED):
+            speed = ground_speed(self.airspeed, wind, back)
+            seconds = np.fmin(turning + length / speed, 2 * self.endurance)
+            if (settled := np.abs(seconds - before) < SETTLED).all():
                 break
-        return seconds
+        return np.where(settled & (seconds < 2 * self.endurance), seconds, np.inf)
 
     def turning(self, unit: Floats, after: Floats) -> Floats:
         """Seconds to turn from one direction into another one, (2, n)."""
