@@ -6,12 +6,13 @@ from typing import Any
 import gymnasium
 
 from DroneSwarmSearch._internal.errors import ResetNeeded
-from DroneSwarmSearch.drift.persons import Drift, Person
+from DroneSwarmSearch.core.rules import Action, Ending, RewardScheme
+from DroneSwarmSearch.core.scenario import Scenario
+from DroneSwarmSearch.drift.hypotheses import Drift
+from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.drift.tracks import Tracks
 from DroneSwarmSearch.env import DroneSwarmSearch, parallel_env
-from DroneSwarmSearch.rules import Action, Ending, RewardScheme
-from DroneSwarmSearch.scenario import Scenario
 
 __all__ = [
     "Action",
@@ -30,23 +31,13 @@ __all__ = [
 
 __version__ = "1.0.0"
 
-_SUBMODULES = (
-    "detection",
-    "drift",
-    "drone_swarm_search_v0",
-    "evaluation",
-    "incident",
-    "leeway",
-    "planning",
-    "policies",
-    "priors",
-    "rendering",
-    "single_drone_env",
-    "survival",
-    "training",
-    "vector",
-    "wrappers",
-)
+_SUBMODULES = {
+    name: name
+    for name in (
+        *("drift", "drone_swarm_search_v0", "evaluation", "incident", "planning", "policies"),
+        *("rendering", "single_drone_env", "training", "vector", "wrappers"),
+    )
+} | {name: f"drift.{name}" for name in ("detection", "leeway", "priors", "survival")}
 
 
 if "DroneSwarmSearch-v0" not in gymnasium.registry:  # it is there after a reload
@@ -60,7 +51,7 @@ if "DroneSwarmSearch-v0" not in gymnasium.registry:  # it is there after a reloa
 def __getattr__(name: str) -> Any:
     """Import a submodule on first access, so that `import DroneSwarmSearch` stays fast."""
     if name in _SUBMODULES:
-        return import_module(f"{__name__}.{name}")
+        return import_module(f"{__name__}.{_SUBMODULES[name]}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -12,12 +12,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from DroneSwarmSearch import demo
-from DroneSwarmSearch.evaluation import commands
-from DroneSwarmSearch.incident import command as plan
+from DroneSwarmSearch.commands import evaluation, plan, play
+from DroneSwarmSearch.core.scenario import MISSIONS
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.palette import PALETTES
-from DroneSwarmSearch.scenario import MISSIONS
 
 PROGRAM = "python -m DroneSwarmSearch"
 
@@ -142,7 +140,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             sys.stdout.reconfigure(errors="replace")
     if not argv or (argv[0].startswith("-") and argv[0] not in ("-h", "--help")):
         argv = ["play", *argv]
-    code = commands.run(_parser().parse_args(argv))
+    code = evaluation.run(_parser().parse_args(argv))
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -167,9 +165,9 @@ def _parser() -> argparse.ArgumentParser:
         command = several.add_parser(
             name, help=summary, description=description, epilog=more, formatter_class=FORMAT
         )
-        command.set_defaults(parser=command, function=getattr(commands, name, None))
+        command.set_defaults(parser=command, function=getattr(evaluation, name, None))
         if name in ("play", "plan"):
-            module = demo if name == "play" else plan
+            module = play if name == "play" else plan
             module.add_arguments(command)
             command.set_defaults(function=module.run)
         elif name in ("record", "export"):
@@ -195,7 +193,7 @@ def _add_files(parser: argparse.ArgumentParser, name: str) -> None:
         add("--seeds", metavar="N", nargs="+", type=int, default=[0], help="(default: 0)")
     kind = "the video, .gif or .mp4" if name == "record" else "the file, .json"
     add("--out", metavar="FILE", required=True, help=kind)
-    commands.add_view(parser)
+    evaluation.add_view(parser)
 
 
 def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
@@ -225,7 +223,7 @@ def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
     if name != "bound":
         add("--episodes", metavar="N", type=int, default=2000, help="per search (default: 2000)")
         add("--seed", metavar="S", type=int, default=0, help="of the first episode (default: 0)")
-        commands.add_view(parser)
+        evaluation.add_view(parser)
         alike = "it always acts alike after the same observations: exact success and time"
         add("--deterministic", action="store_true", default=None, help=alike)
     has_joblib = importlib.util.find_spec("joblib") is not None

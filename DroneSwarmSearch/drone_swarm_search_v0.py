@@ -19,8 +19,8 @@ from typing import Any
 from pettingzoo import AECEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 
+from DroneSwarmSearch.core.observations import Observation
 from DroneSwarmSearch.env import env, parallel_env
-from DroneSwarmSearch.observations import Observation
 
 __all__ = ["env", "parallel_env", "raw_env"]
 

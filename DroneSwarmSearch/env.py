@@ -15,18 +15,18 @@ from pettingzoo.utils.wrappers import AssertOutOfBoundsWrapper, OrderEnforcingWr
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.streams import Streams
-from DroneSwarmSearch.actions import read_actions
+from DroneSwarmSearch.core.actions import read_actions
+from DroneSwarmSearch.core.drones import Drones
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.grid import Grid
+from DroneSwarmSearch.core.mappings import Infos, Rewards, Start
+from DroneSwarmSearch.core.observations import Observation, SearchSpaces, observe, state_planes
+from DroneSwarmSearch.core.rules import Action, Ending, RewardScheme
+from DroneSwarmSearch.core.scenario import Scenario, resolve_scenario
+from DroneSwarmSearch.core.world import WorldState
 from DroneSwarmSearch.drift.persons import Person
-from DroneSwarmSearch.drones import Drones
-from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.grid import grid_of
-from DroneSwarmSearch.mappings import Infos, Rewards, Start
-from DroneSwarmSearch.observations import Observation, SearchSpaces, observe, state_planes
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.palette import PALETTES, Look
-from DroneSwarmSearch.rules import Action, Ending, RewardScheme
-from DroneSwarmSearch.scenario import Scenario, resolve_scenario
-from DroneSwarmSearch.world import WorldState
 
 __all__ = ["DroneSwarmSearch", "ResetNeeded", "env", "parallel_env"]
 
@@ -154,7 +154,7 @@ class DroneSwarmSearch(SearchSpaces):
         self.possible_agents = [f"drone{i}" for i in range(self.n_drones)]
         self.agents: list[str] = []
         self._names = tuple(self.possible_agents)
-        self._neighbours, self._positions = grid_of(self.grid_size)
+        self._grid = Grid.of(self.grid_size)
         self._flags = [dict.fromkeys(self._names, value) for value in (False, True)]
         self._streams: Streams | None = None
         self._episode = 0  # episodes since the seed
@@ -243,7 +243,7 @@ class DroneSwarmSearch(SearchSpaces):
         if self.render_mode == "human":
             self._display.show(self.frame())
         facts = (None, self._world.missing, self._world.persons, 0, self._world.success)
-        return Start(observe(self._names, cells, self._positions, matrix, False, facts))
+        return Start(observe(self._names, cells, self._grid.positions, matrix, False, facts))
 
     def step(
         self, actions: Mapping[str, int]
@@ -269,7 +269,7 @@ class DroneSwarmSearch(SearchSpaces):
             )
         drones, world = self._drones, self._world
         # 1. All drones move or search.
-        chosen, targets = read_actions(actions, self._names, self._neighbours, drones.cells)
+        chosen, targets = read_actions(actions, self._names, self._grid.neighbours, drones.cells)
         # There are no agents until the step is complete, see `reset`.
         agents, self.agents = self.agents, []
         # 2. Outcomes, rewards and the ending.
@@ -285,7 +285,7 @@ class DroneSwarmSearch(SearchSpaces):
             self._display.show(self.frame())
         facts = (ending, world.missing, world.persons, world.step, world.success)
         observations, infos = observe(
-            self._names, drones.cells, self._positions, matrix, bool(drones.finders), facts
+            self._names, drones.cells, self._grid.positions, matrix, bool(drones.finders), facts
         )
         return observations, Rewards(rewards), flags.copy(), flags.copy(), infos
 
@@ -351,7 +351,7 @@ class DroneSwarmSearch(SearchSpaces):
             ResetNeeded: before the first `reset`, and after an interrupted step or reset.
         """
         cells, world = self._cells_and_world()
-        positions, finds = self._positions, world.finds
+        positions, finds = self._grid.positions, world.finds
         drones, persons = self._drones, world.persons if world.is_rescue else ()
         person_cells = (
             finds[person][1] if person in finds else world.person_cell(person) for person in persons

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
+from DroneSwarmSearch.core.mappings import Infos
+from DroneSwarmSearch.core.rules import Action
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.layouts import LAYOUTS
-from DroneSwarmSearch.mappings import Infos
-from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.vector_env import MASKS_IN, DroneVectorEnv
 from DroneSwarmSearch.wrappers import (
     ActionMask,

@@ -23,16 +23,16 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.core.grid import Grid
+from DroneSwarmSearch.core.mappings import Infos, Rewards
+from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.env import DroneSwarmSearch
-from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.layouts import Layout, remaining_time_fraction
 from DroneSwarmSearch.layouts.crops import CropsLayout
 from DroneSwarmSearch.layouts.layout import own_first
 from DroneSwarmSearch.layouts.masks import action_masks, mask_space, swarm_masks
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
 from DroneSwarmSearch.layouts.whole_matrix import DictLayout, FlatLayout, PlanesLayout
-from DroneSwarmSearch.mappings import Infos, Rewards
-from DroneSwarmSearch.rules import Ending
 
 __all__ = [
     "ActionMask",
@@ -67,7 +67,7 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
             )
         super().__init__(env)
         self._search: DroneSwarmSearch = env.unwrapped
-        self._neighbours, self._positions = grid_of(self._search.grid_size)
+        self._grid = Grid.of(self._search.grid_size)
         self._names = tuple(env.possible_agents)
         self._spaces: dict[str, spaces.Space[Any]] = {}  # those that differ from the inner ones
 
@@ -107,7 +107,7 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
     def _drones(self) -> NDArray[np.int32]:
         """Every drone's (x, y), shape (n, 2)."""
         cells, _ = self._search._cells_and_world()
-        return np.array([self._positions[cell] for cell in cells], np.int32)
+        return np.array([self._grid.positions[cell] for cell in cells], np.int32)
 
 
 class LayoutObservation(SearchWrapper):
@@ -319,7 +319,7 @@ class ActionMask(SearchWrapper):
 
     def _masks(self) -> list[NDArray[np.int8]]:
         cells, _ = self._search._cells_and_world()
-        return swarm_masks(cells, self._neighbours, self.right_of_way)
+        return swarm_masks(cells, self._grid.neighbours, self.right_of_way)
 
     def _observed(self, observations: Observations, infos: Infos) -> Observations:
         masks = self._masks()

@@ -48,9 +48,10 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
 from DroneSwarmSearch.drift import ProbabilityMatrix, dispersion_rate
+from DroneSwarmSearch.drift.axes import Axes as DriftAxes
+from DroneSwarmSearch.drift.axes import distribution
 from DroneSwarmSearch.drift.belief import Belief
-from DroneSwarmSearch.drift.tables import Axes as DriftAxes
-from DroneSwarmSearch.drift.tables import distribution
+from DroneSwarmSearch.drift.models import drift_model
 from DroneSwarmSearch.evaluation import evaluate, search
 from DroneSwarmSearch.incident import Incident, flights
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
@@ -229,7 +230,7 @@ def marginal_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
 
 def target_cdf(forecast: ProbabilityMatrix, step: int) -> Floats:
     """Return the Gaussian's distribution function G of the column at a step, shape (N,)."""
-    axes = DriftAxes.of(forecast.person.drifts)
+    axes = DriftAxes.of(forecast.known.drifts)
     return distribution(forecast.grid_size, axes, np.array(float(step)))[:, 0]
 
 
@@ -335,7 +336,7 @@ def clip(theme: Theme, sampling: Sampling) -> Figure:
 def walks(count: int) -> tuple[ProbabilityMatrix, NDArray[np.int64]]:
     """Return a forecast, and the columns of persons that follow it, shape (steps + 1, count)."""
     forecast = ProbabilityMatrix(40, known((12, 20), (0.3, 0.0)))
-    envs = SwarmVectorEnv(count, grid_size=40, persons=[forecast.person])
+    envs = SwarmVectorEnv(count, grid_size=40, persons=[Person(forecast.known)])
     envs.reset(seed=4)
     columns = []
     for _ in range(41):
@@ -913,7 +914,7 @@ def tracks(theme: Theme, sampling: Sampling) -> Figure:
         (tracked,), constant = scenario.situation, Person.from_dict(scene["constant"])
         persons = {"tracks": tracked, "constant": constant}
         for axes, (drift, person) in zip(column, persons.items(), strict=True):
-            forecast = person.model(scenario.grid_size)
+            forecast = drift_model(person.drift, scenario.grid_size)
             matrix = forecast.map(forecast.joint(step))
             heat_map(axes, matrix, theme, most=float(np.quantile(matrix, 0.998)))
             axes.plot(*np.array(search(name).drones).T, ".", color=theme.track, markersize=4)

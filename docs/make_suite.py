@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch import Drift, Person, Scale, detection, leeway, priors
+from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.drift.leeway import KNOT, current_towards, wind_from
 from DroneSwarmSearch.evaluation import suite
-from DroneSwarmSearch.leeway import KNOT, current_towards, wind_from
-from DroneSwarmSearch.scenario import Cell
 
 FILE = Path(suite.__file__).with_name("suite_v2.json")
 VERSION = "v2"
@@ -202,7 +202,7 @@ def two_positions() -> Entry:
         [
             replace(drift, weight=trust * drift.weight)
             for report, trust in zip(reports, (0.65, 0.35), strict=True)
-            for drift in report.drifts
+            for drift in report.drift.drifts
         ],
         in_one_crossing(scale, sweep_width=220),
     )
@@ -354,7 +354,7 @@ def at_sea(
         "persons": [
             {
                 "probability_of_detection": person.probability_of_detection,
-                "drifts": [shortened(drift) for drift in person.drifts],
+                "drifts": [shortened(drift) for drift in person.drift.drifts],
             }
             for person in persons
         ],

@@ -30,8 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import Drift, Person, Scale, Tracks
-from DroneSwarmSearch.evaluation import evaluate, suite
-from DroneSwarmSearch.leeway import current_towards, wind_from
+from DroneSwarmSearch.drift.leeway import current_towards, wind_from
+from DroneSwarmSearch.evaluation import evaluate, share_found, suite
 from DroneSwarmSearch.policies import make
 
 FOLDER = Path(suite.__file__).parent
@@ -201,13 +201,15 @@ def compare(seed: int = 1, policies: Sequence[str] = ("planner", "greedy-posteri
     for name, scene in SCENES.items():
         found, new = suite.search(name), simulate(scene, seed=seed)
         (person,) = found.scenario.situation
-        constant = constant_drift(person.tracks, person.probability_of_detection)
+        constant = constant_drift(person.drift.tracks, person.probability_of_detection)
         results: dict[str, Any] = {policy: {} for policy in policies}
         for drift, each in (("tracks", person), ("constant", constant)):
             search = replace(found, scenario=found.scenario.replace(persons=each))
             for policy in policies:
                 forecast = evaluate(policy, search, episodes=1, progress=False).success.value
-                share = new.found(make(policy, search.scenario), drones_positions=search.drones)
+                share = share_found(
+                    new, make(policy, search.scenario), drones_positions=search.drones
+                )
                 results[policy][drift] = {"forecast": forecast, "found": share}
         scenes[name] = {"constant": constant.to_dict(), "results": results}
     return scenes

@@ -38,6 +38,7 @@ from DroneSwarmSearch import (
     leeway,
     policies,
 )
+from DroneSwarmSearch.evaluation import share_found
 
 Floats = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -174,7 +175,7 @@ def search(incident: Incident, options: argparse.Namespace) -> Pair | None:
     start = (SEARCH_SIZE - 1) / 2 - drifted * (1, -1) / SEARCH_SCALE.metres_per_cell
     known = {**incident._asdict(), "start": start, "scale": SEARCH_SCALE, "jibing": options.jibing}
     person = leeway.person(**known, probability_of_detection=DETECTION)
-    if max(person.mass_beyond(SEARCH_SIZE, step) for step in (0, SEARCH_STEPS)) > 0.01:
+    if max(person.drift.mass_beyond(SEARCH_SIZE, step) for step in (0, SEARCH_STEPS)) > 0.01:
         return None
     env = DroneSwarmSearch(
         SEARCH_SIZE,
@@ -314,7 +315,7 @@ def search_at_the_coast(options: argparse.Namespace) -> list[tuple[object, ...]]
         scenario = Scenario(SEARCH_SIZE, len(COAST_DRONES), persons=person, **limits)
         for policy in ("greedy-posterior",) if options.fast else ("greedy-posterior", "planner"):
             forecast, plan = plan_of(policy, scenario)
-            found = others.found(plan, scenario, drones_positions=COAST_DRONES)
+            found = share_found(others, plan, scenario, drones_positions=COAST_DRONES)
             print(f"{name:>14}  {policy:<16}  {forecast:8.1%}  {found:.1%}", flush=True)
             rows.append((name, policy, f"{forecast:.4f}", f"{found:.4f}"))
     return rows

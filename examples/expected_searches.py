@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from DroneSwarmSearch.core.grid import Grid
+from DroneSwarmSearch.core.rules import Action
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.model import forecasts_of
 from DroneSwarmSearch.policies.arrivals import STEPS, Arrivals
-from DroneSwarmSearch.rules import Action, neighbours_of_all
-from DroneSwarmSearch.scenario import Scenario
 
 
 class ExpectedSearches:
@@ -61,7 +62,7 @@ class ExpectedSearches:
         self._headings = np.full(self.cells.shape, int(Action.IDLE))
         self._detections = np.array([each.detections[0] for each in scenarios], np.float32)
         self._arrivals = Arrivals(self.grid_size, self.n_drones)
-        self._neighbours = neighbours_of_all(self.grid_size)  # [cell, action]
+        self._neighbours = Grid.of(self.grid_size).targets  # [cell, action]
         models = [each.forecasts() for each in scenarios]
         last = self.timestep_limit + STEPS
         self._forecasts, numbers = forecasts_of(

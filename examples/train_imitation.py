@@ -36,15 +36,15 @@ from numpy.typing import NDArray
 from torch import nn
 
 from DroneSwarmSearch import Action, Scenario, training
+from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.evaluation import evaluate, search
 from DroneSwarmSearch.layouts.masks import choose_in_turn
+from DroneSwarmSearch.planning.joint_plan import Plan
 from DroneSwarmSearch.planning.passes import Target
 from DroneSwarmSearch.planning.paths import Path as DronePath
-from DroneSwarmSearch.planning.plan import Plan
 from DroneSwarmSearch.policies.arrivals import BASELINE, INPUTS, TURNS, VIEWS
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.imitation import ImitationPolicy, Network
-from DroneSwarmSearch.rules import OFF_GRID, neighbours_of_all
 
 TEST_SEARCH = "classic"
 """The search of the evaluation suite for the comparison with the baselines."""
@@ -170,7 +170,7 @@ def improve(
     cells, actions = cells.copy(), actions.copy()
     cells[first:] = np.transpose([path.cells for path in plan.paths])
     here, there = cells[first:-1], cells[first + 1 :]
-    moves = neighbours_of_all(size)[here, : Action.SEARCH] == there[..., None]
+    moves = Grid.of(size).targets[here, : Action.SEARCH] == there[..., None]
     actions[first:] = np.where(here == there, Action.SEARCH, moves.argmax(axis=-1))
     return cells, actions
 
@@ -183,7 +183,7 @@ def right_actions(cells: NDArray[np.integer], actions: NDArray[np.integer], size
     right, goal, neighbours = (
         np.zeros((len(actions), NUM_ACTIONS), np.bool_),
         None,
-        neighbours_of_all(size),
+        Grid.of(size).targets,
     )
 
     def distance(cell: int, goal: int) -> int:

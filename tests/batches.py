@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from helpers import plain
 
-from DroneSwarmSearch.drift.persons import Drift, Person
+from DroneSwarmSearch import Drift, Person
 from DroneSwarmSearch.vector import SearchBatch
 
 NAN, INF = float("nan"), float("inf")

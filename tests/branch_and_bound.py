@@ -13,9 +13,9 @@ from itertools import product
 import numpy as np
 
 from DroneSwarmSearch import Action
+from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.planning.paths import values_to_go
-from DroneSwarmSearch.rules import OFF_GRID, neighbours_of_all
 
 
 def best_success(of: NamedSearch) -> float:
@@ -27,7 +27,7 @@ def best_success(of: NamedSearch) -> float:
     scenario = of.scenario
     (forecast,), (detection,) = scenario.forecasts(), scenario.detections
     limit = scenario.timestep_limit
-    targets = neighbours_of_all(scenario.grid_size)
+    targets = Grid.of(scenario.grid_size).targets
     visited, best = set(), 0.0
 
     def branch(step: int, cells: list[int], mass: np.ndarray, found: float) -> None:
@@ -74,7 +74,7 @@ def best_success_of_all(of: NamedSearch) -> float:
     """
     scenario = of.scenario
     forecasts, limit = scenario.forecasts(), scenario.timestep_limit
-    targets = neighbours_of_all(scenario.grid_size)
+    targets = Grid.of(scenario.grid_size).targets
 
     def value(step: int, cell: int, masses: dict[int, np.ndarray]) -> float:
         if step == limit or not masses:

@@ -12,8 +12,8 @@ from hypothesis import settings
 # Tests run in parallel processes, whose BLAS threads would only compete. NumPy reads this once.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from DroneSwarmSearch.incident import choice, flight_plan
-from DroneSwarmSearch.planning import plan
+from DroneSwarmSearch.incident import choice, planned_flights
+from DroneSwarmSearch.planning import joint_plan
 
 # The same examples in each run; `--hypothesis-profile explore` draws others, and more of them.
 settings.register_profile("same", deadline=None, derandomize=True)
@@ -34,9 +34,9 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def quick_plans(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the planners do little work, except in tests of the quality of plans."""
     if request.node.get_closest_marker("good_plans") is None:
-        monkeypatch.setattr(plan, "ENOUGH", 1)
+        monkeypatch.setattr(joint_plan, "ENOUGH", 1)
         monkeypatch.setattr(choice, "GENERATIONS", 3)
-        monkeypatch.setattr(flight_plan, "FIGURES", 10_000)
+        monkeypatch.setattr(planned_flights, "FIGURES", 10_000)
 
 
 @pytest.fixture

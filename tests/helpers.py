@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Tracks, cli
+from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.evaluation import Episodes, Evaluation, NamedSearch, View, recording
-from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.planning import SuccessBound
 
 TWO_DRONES: dict[str, Any] = {

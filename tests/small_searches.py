@@ -15,9 +15,9 @@ from helpers import inside, target_of
 from DroneSwarmSearch import Action, Scenario
 from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
 from DroneSwarmSearch.evaluation import NamedSearch
+from DroneSwarmSearch.planning.joint_plan import Plan
 from DroneSwarmSearch.planning.passes import Target
 from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.planning.plan import Plan
 from DroneSwarmSearch.policies import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 

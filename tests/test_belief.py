@@ -56,7 +56,7 @@ def test_a_search_that_contradicts_the_belief_does_not_change_it() -> None:
 
 def test_weights_of_two_hypotheses_far_apart_follow_bayes_rule() -> None:
     person = Person([Drift((2, 2), weight=0.7), Drift((12, 12), weight=0.3)], 0.8)
-    forecast = ProbabilityMatrix(15, person)
+    forecast = ProbabilityMatrix(15, person.drift)
     belief = Belief(forecast, 0.8, forecast.joint(5)).after_search([32])
     assert belief.kept == pytest.approx(0.7 * 0.2 + 0.3)
     left = np.array([0.7 * 0.2, 0.3])
@@ -90,7 +90,7 @@ def mixture(velocity: float) -> Person:
 def test_drift_of_batches(kind: type) -> None:
     persons = [mixture(velocity) for velocity in (-0.4, 0.0, 0.9)]
     persons.append(Person([Drift((x, 4), diffusion=0.1) for x in (2, 4, 6)]))
-    models = [ProbabilityMatrix(9, person) for person in persons]
+    models = [ProbabilityMatrix(9, person.drift) for person in persons]
     forecasts, numbers = forecasts_of(models, last=7, keeps_matrices=False)
     forecasts.reach(7)
     joints = forecasts.joint(6 * len(models) + numbers)

@@ -12,10 +12,10 @@ from branch_and_bound import best_success_of_all
 from small_searches import SMALL, best, paths_of, search, shortened, success_of
 
 from DroneSwarmSearch import Drift, Person
+from DroneSwarmSearch.bound.mirror_ascent import CHECKS
+from DroneSwarmSearch.bound.trajectories import chernoff_bound
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 from DroneSwarmSearch.planning import SuccessBound, success_bound
-from DroneSwarmSearch.planning.mirror_ascent import CHECKS
-from DroneSwarmSearch.planning.trajectories import chernoff_bound
 from DroneSwarmSearch.policies import make
 
 STEPS = 5

@@ -22,8 +22,8 @@ from helpers import bound_by_time, refusal
 from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch._internal.progress import progress
+from DroneSwarmSearch.bound.success import SuccessBound
 from DroneSwarmSearch.evaluation import SUITE, View, evaluate
-from DroneSwarmSearch.planning.bound import SuccessBound
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.imitation import DEFAULT_WEIGHTS
 
@@ -93,7 +93,7 @@ def test_every_command_has_help(capsys):
 @pytest.mark.parametrize("arguments", [[], ["play"], ["--text"]])
 def test_the_default_command_is_play(arguments, monkeypatch):
     seen: list[Any] = []
-    monkeypatch.setattr("DroneSwarmSearch.demo.run", seen.append)
+    monkeypatch.setattr("DroneSwarmSearch.commands.play.run", seen.append)
     assert command.main(arguments) == 0
     assert [options.text for options in seen] == ["--text" in arguments]
 
@@ -122,7 +122,7 @@ def test_evaluate_prints_csv(capsys):
 
 def test_all_means_the_whole_suite(capsys, monkeypatch):
     few = {name: SUITE[name] for name in ("pond", "fog")}
-    monkeypatch.setattr("DroneSwarmSearch.evaluation.commands.SUITE", few)
+    monkeypatch.setattr("DroneSwarmSearch.commands.evaluation.SUITE", few)
     rows = rows_of(capsys, "evaluate", "random", "all", "--episodes", 2)
     assert [row["search"] for row in rows] == ["pond", "fog"]
 

@@ -19,7 +19,7 @@ from DroneSwarmSearch.evaluation import (
 )
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.statistics import Estimate, difference
-from DroneSwarmSearch.evaluation.tables import figure, signed
+from DroneSwarmSearch.evaluation.text_tables import figure, signed
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import SearchBatch
 

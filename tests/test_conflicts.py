@@ -7,8 +7,8 @@ import itertools
 import hypothesis.strategies as st
 from hypothesis import given, settings
 
+from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.policies.conflicts import resolve_conflicts
-from DroneSwarmSearch.scenario import Cell
 
 LINE = [(x, 0) for x in range(4)]
 

@@ -28,7 +28,7 @@ from DroneSwarmSearch import (
     Person,
     RewardScheme,
 )
-from DroneSwarmSearch.mappings import Infos, Rewards
+from DroneSwarmSearch.core.mappings import Infos, Rewards
 from DroneSwarmSearch.wrappers import FlatObservation
 
 with warnings.catch_warnings():

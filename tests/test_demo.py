@@ -15,13 +15,14 @@ from typing import Any
 import pytest
 from helpers import refusal
 
-from DroneSwarmSearch import Scale, cli, demo
+from DroneSwarmSearch import Scale, cli
+from DroneSwarmSearch.commands import play as demo
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.evaluation import evaluate
-from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.incident import Incident
 from DroneSwarmSearch.rendering.painter import Painter
 from DroneSwarmSearch.rendering.player import Player
-from DroneSwarmSearch.rules import Ending
 
 pygame = pytest.importorskip("pygame")
 

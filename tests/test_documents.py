@@ -23,7 +23,7 @@ from helpers import few_pictures
 from trainer_examples import QUIET_RAY
 
 from DroneSwarmSearch import cli
-from DroneSwarmSearch.planning import bound
+from DroneSwarmSearch.bound import success as bound
 
 ROOT = Path(__file__).parents[1]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))

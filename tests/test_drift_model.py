@@ -120,7 +120,7 @@ def known(start: tuple[int, int], vector: tuple[float, float], diffusion: float)
 def test_walks_are_distributed_as_the_matrix(person: Person) -> None:
     """Pearson's chi-square over the cells that hold enough, at four steps of 4,000 walks."""
     size, walks = 20, 4000
-    forecast = ProbabilityMatrix(size, person)
+    forecast = ProbabilityMatrix(size, person.drift)
     rng = np.random.default_rng(20)
     paths = []
     for draw, *draws in zip(rng.random(walks), *rng.random((2, walks, 32)).tolist(), strict=True):

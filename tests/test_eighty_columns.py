@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from DroneSwarmSearch import cli
-from DroneSwarmSearch.evaluation.tables import print_table
+from DroneSwarmSearch.evaluation.text_tables import print_table
 
 COMMANDS = ("", "play", "plan", "evaluate", "leaderboard", "bound", "record", "export")
 

@@ -20,11 +20,11 @@ from DroneSwarmSearch import (
     RewardScheme,
     evaluation,
 )
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.evaluation import NamedSearch, View, compare, evaluate, run, save_csv
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.policies.imitation import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS_PATH
-from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.wrappers import ActionMask
 

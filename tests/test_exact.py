@@ -14,7 +14,7 @@ from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, View, compare, evaluate
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.statistics import Estimate
-from DroneSwarmSearch.evaluation.tables import figure, percent, signed
+from DroneSwarmSearch.evaluation.text_tables import figure, percent, signed
 from DroneSwarmSearch.policies import POLICIES, SwarmPolicy, make
 
 LINE = np.zeros((6, 6))

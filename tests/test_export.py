@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario, Tracks
 from DroneSwarmSearch import cli as command
+from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, View, export
-from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.rendering.palette import PALETTES
 
 ROOT = Path(__file__).parents[1]

@@ -10,9 +10,9 @@ import pytest
 from helpers import make_frame
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.rendering.palette import FOUND, PAPER, PROGRESS_LIGHT, Look
-from DroneSwarmSearch.rules import Ending
 
 pytest.importorskip("pygame")
 

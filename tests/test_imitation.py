@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from helpers import plain
 
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.evaluation import NamedSearch, compare, evaluate
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.arrivals import INPUTS, VIEWS
 from DroneSwarmSearch.policies.imitation import ImitationPolicy, Network
-from DroneSwarmSearch.scenario import Scenario
 
 Layers = list[tuple[np.ndarray, np.ndarray]]
 

@@ -20,11 +20,11 @@ from hypothesis import strategies as st
 from test_track_files import NOON, write
 
 from DroneSwarmSearch import Scenario, leeway
+from DroneSwarmSearch.drift.leeway import KNOT, current_towards, wind_from
 from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.incident import FlightPlan, Incident, units
 from DroneSwarmSearch.incident.patterns import KINDS, PARALLEL, SECTOR, SQUARE, Pattern
-from DroneSwarmSearch.leeway import KNOT, current_towards, wind_from
 
 pytest.importorskip("cmaes")
 
@@ -409,7 +409,7 @@ def test_the_search_on_a_grid_has_the_particles_as_tracks() -> None:
     assert isinstance(scenario, Scenario) and scenario.n_drones == 3 and metres == 200
     (person,) = scenario.persons
     assert person.probability_of_detection == 0.8
-    cells = person.tracks.positions
+    cells = person.drift.tracks.positions
     assert ((cells > 0) & (cells < scenario.grid_size - 1)).all(axis=2).mean() > 0.98
     first = incident.seconds(incident.start)
     degrees = incident.locate(cells[0].mean(axis=0))

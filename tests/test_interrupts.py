@@ -19,8 +19,7 @@ import pytest
 from helpers import observed, plain, play, play_on
 
 import DroneSwarmSearch as package
-from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded
-from DroneSwarmSearch.drift.persons import Drift, Person
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, ResetNeeded
 from DroneSwarmSearch.vector import SearchBatch, SwarmVectorEnv
 
 HOME = str(Path(package.__file__).parent)

@@ -15,12 +15,12 @@ from helpers import bound_by_time, made_evaluation
 
 from DroneSwarmSearch import Action
 from DroneSwarmSearch import cli as command
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.evaluation import SUITE, View, evaluate, leaderboard, run
 from DroneSwarmSearch.evaluation.board import Leaderboard
 from DroneSwarmSearch.evaluation.statistics import Estimate, mean_of
-from DroneSwarmSearch.evaluation.tables import percent
+from DroneSwarmSearch.evaluation.text_tables import percent
 from DroneSwarmSearch.planning import SuccessBound
-from DroneSwarmSearch.scenario import Scenario
 
 SHORT = ["--episodes", "30", "--searches", "pond", "harbour", "--workers", "1"]
 FEW = ["--policies", "greedy-matrix", "random"]

@@ -89,10 +89,12 @@ def simulated(
 
 def moments(person: Person, scale: Scale) -> tuple[np.ndarray, np.ndarray]:
     """The mean and the covariance of a person's drift velocity, (east, north), in m/s."""
-    weights = np.array(person.weights)
+    weights = np.array(person.drift.weights)
     per_cell = scale.metres_per_cell / scale.seconds_per_step
-    means = np.array([drift.vector for drift in person.drifts]) * (per_cell, -per_cell)
-    within = [np.diag(np.square(np.array(drift.vector_sd) * per_cell)) for drift in person.drifts]
+    means = np.array([drift.vector for drift in person.drift.drifts]) * (per_cell, -per_cell)
+    within = [
+        np.diag(np.square(np.array(drift.vector_sd) * per_cell)) for drift in person.drift.drifts
+    ]
     mean = weights @ means
     between = np.einsum("m,mi,mj->ij", weights, means - mean, means - mean)
     return mean, np.einsum("m,mij->ij", weights, within) + between
@@ -112,7 +114,7 @@ def test_coefficients_give_the_published_velocities(row):
 
 def test_the_data_file_and_the_classes_name_their_source():
     assert [row[0] for row in AT_10] == list(leeway.CLASSES)
-    path = Path(leeway.__file__).with_name("drift") / "leeway_classes.csv"
+    path = Path(leeway.__file__).with_name("leeway_classes.csv")
     assert "CG-D-08-99" in path.read_text("utf-8")
     for name, kind in leeway.CLASSES.items():
         assert kind.name == name and kind.description and "CG-D-08-99" in kind.source
@@ -159,13 +161,13 @@ def test_a_person_drifts_like_the_full_model(name, direction):
     size = math.sqrt(truth.trace())
     np.testing.assert_allclose(mean, velocities.mean(axis=0), atol=0.015 * size)
     np.testing.assert_allclose(np.diag(covariance), np.diag(truth), atol=0.02 * size**2)
-    if len(person.drifts) == 6:  # three on each side
+    if len(person.drift.drifts) == 6:  # three on each side
         assert covariance[0, 1] == pytest.approx(truth[0, 1], abs=0.02 * size**2)
 
 
 def test_right_and_left_of_the_wind():
     """In a wind to the north, right is east; y grows to the south."""
-    right, left = leeway.person("PIW-4", start=(30, 30), wind=(0, 10), scale=SCALE).drifts
+    right, left = leeway.person("PIW-4", start=(30, 30), wind=(0, 10), scale=SCALE).drift.drifts
     assert right.vector == pytest.approx((0.0103, -0.0182), abs=1e-4)
     assert left.vector == pytest.approx((-0.00395, -0.0182), abs=1e-4)
     assert right.weight == left.weight == 0.5
@@ -180,7 +182,7 @@ def test_more_hypotheses_where_the_leeway_is_correlated(name):
         velocities = simulated(leeway.CLASSES[name], usual["wind"], 50_000, seed=5)
         covariance = np.cov(velocities[::2].T)  # of the objects right of the wind
         correlation = abs(covariance[0, 1]) / math.sqrt(covariance[0, 0] * covariance[1, 1])
-        drifts = leeway.person(name, **usual).drifts
+        drifts = leeway.person(name, **usual).drift.drifts
         if abs(correlation - 0.25) > 0.02:
             assert len(drifts) == (6 if correlation > 0.25 else 2), (direction, correlation)
         side = drifts[: len(drifts) // 2]
@@ -201,11 +203,11 @@ def test_metres_and_seconds_become_cells_and_steps():
     changes = {"start": (-3.5, 70), "position_sd": 260, "diffusivity": 2, "adrift": 3600}
     person = leeway.person("PIW-1", **{**USUAL, **changes}, probability_of_detection=0.8)
     assert person.probability_of_detection == 0.8
-    for drift in person.drifts[:2]:  # the others have jibed
+    for drift in person.drift.drifts[:2]:  # the others have jibed
         assert drift.start == (-3.5, 70) and drift.start_sd == (2.0, 2.0)
         leeway_diffusion = 0.04 * math.hypot(*drift.vector)
         assert drift.diffusion == pytest.approx(4 * 13 / 130**2 + leeway_diffusion)
-    assert {drift.adrift for drift in person.drifts} == {277}
+    assert {drift.adrift for drift in person.drift.drifts} == {277}
 
 
 # Jibing, and winds and currents that vary in time.
@@ -257,8 +259,8 @@ def test_a_person_drifts_and_jibes_like_the_full_model(name, hours, wind_at, rat
     truth = 30 + objects * (1, -1) / SCALE.metres_per_cell
     size = truth.std(axis=0).max()
     person = leeway.person(name, **{**USUAL, **changes})
-    forecasts = [moved(drift) for drift in person.drifts]
-    weights, means, spreads = person.weights, *map(np.array, zip(*forecasts, strict=True))
+    forecasts = [moved(drift) for drift in person.drift.drifts]
+    weights, means, spreads = person.drift.weights, *map(np.array, zip(*forecasts, strict=True))
     mean = np.array(weights) @ means
     variance = np.array(weights) @ (spreads**2 + (means - mean) ** 2)
     np.testing.assert_allclose(mean, truth.mean(axis=0), atol=0.03 * size)
@@ -277,7 +279,7 @@ def moved(drift: Drift) -> tuple[np.ndarray, np.ndarray]:
 def test_objects_that_have_jibed_are_hypotheses_of_their_own():
     """They are now on one side of the wind, and were on the other one for half of the time."""
     usual = {**USUAL, "wind": (0, 10), "adrift": 4 * 3600, "position_sd": 260}
-    right, left, was_left, was_right = leeway.person("SKIFF-1", **usual).drifts
+    right, left, was_left, was_right = leeway.person("SKIFF-1", **usual).drift.drifts
     assert was_left.vector == right.vector and was_right.vector == left.vector
     jibed = 1 - math.exp(-0.16)
     assert was_left.weight == was_right.weight == pytest.approx(jibed / 2, rel=1e-3)
@@ -292,8 +294,8 @@ def test_objects_that_have_jibed_are_hypotheses_of_their_own():
 )
 def test_without_jibes_there_are_only_the_sides(changes):
     usual = {**USUAL, "adrift": 7200}
-    assert len(leeway.person("PIW-1", **usual).drifts) == 4
-    assert len(leeway.person("PIW-1", **{**usual, **changes}).drifts) == (
+    assert len(leeway.person("PIW-1", **usual).drift.drifts) == 4
+    assert len(leeway.person("PIW-1", **{**usual, **changes}).drift.drifts) == (
         1 if "wind" in changes else 2
     )
 
@@ -302,14 +304,16 @@ def test_a_series_is_linear_between_its_times():
     """Each step has the value in its middle; it is constant before the first and after the last."""
     scale, calm = Scale(100, 10), {"start": (30, 30), "wind": (0, 0)}
     currents = {20: (1, 0), 40: (3, -2)}
-    (drift,) = leeway.person("PIW-1", **calm, current=currents, scale=scale).drifts
+    (drift,) = leeway.person("PIW-1", **calm, current=currents, scale=scale).drift.drifts
     rows = [(0.1, 0), (0.1, 0), (0.15, 0.05), (0.25, 0.15), (0.3, 0.2)]
     np.testing.assert_allclose(drift.vector, rows, atol=1e-15)
     constant = leeway.person("PIW-1", **USUAL, current=(0.1, 0.2), adrift=3600)
     one_time = {"wind": {900: USUAL["wind"]}, "current": {7200: (0.1, 0.2)}}
     assert leeway.person("PIW-1", **{**USUAL, **one_time}, adrift=3600) == constant
     tide = leeway.person("PIW-1", **USUAL, current=currents, adrift=3600)
-    assert [each.vector_sd for each in tide.drifts] == [each.vector_sd for each in constant.drifts]
+    assert [each.vector_sd for each in tide.drift.drifts] == [
+        each.vector_sd for each in constant.drift.drifts
+    ]
 
 
 TIDE = {3600 * hour: (0.6 * math.cos(2 * math.pi * (hour + 1) / 12.4), 0.0) for hour in range(6)}
@@ -371,8 +375,8 @@ def test_in_a_tide_that_turns_plans_keep_what_they_promise(current, gap):
 
 def test_even_a_month_adrift_has_a_forecast():
     person = leeway.person("PIW-1", **{**USUAL, "adrift": 30 * 24 * 3600, "jibing": 1})
-    assert all(math.isfinite(number) for drift in person.drifts for number in drift.start_sd)
-    assert math.fsum(person.weights[:2]) < 1e-9
+    assert all(math.isfinite(number) for drift in person.drift.drifts for number in drift.start_sd)
+    assert math.fsum(person.drift.weights[:2]) < 1e-9
 
 
 # Everything else.
@@ -405,7 +409,7 @@ def test_a_forecast_beyond_the_grid_is_warned_of():
         UserWarning, match=r"\d% of a person's forecast .* 40 x 40 cells at step 277"
     ):
         person = leeway.person("PIW-1", **USUAL, grid_size=40, timestep_limit=277)
-    assert person.mass_beyond(40, 277) > 0.01
+    assert person.drift.mass_beyond(40, 277) > 0.01
     inwards = {"start": (-2, 30), "wind": (10, 0), "scale": SCALE, "position_sd": 130}
     with pytest.warns(UserWarning, match="at step 0"):
         leeway.person("LIFE-RAFT-NB-4", **inwards, grid_size=61, timestep_limit=100)

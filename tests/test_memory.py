@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from DroneSwarmSearch.planning.memory import MOVES, Histories, RememberingDrones
+from DroneSwarmSearch.bound.memory import Histories, RememberingDrones
+from DroneSwarmSearch.bound.trajectories import Trajectories
+from DroneSwarmSearch.core.grid import MOVES
 from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.planning.trajectories import Trajectories
 
 Floats = np.ndarray
 Case = tuple[Trajectories, float, int, np.random.Generator]

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_searches import forecast_of, search
 
-from DroneSwarmSearch.planning.memory import RememberingDrones
-from DroneSwarmSearch.planning.mirror_ascent import mirror_ascent
-from DroneSwarmSearch.planning.objectives import TrajectoryObjective
-from DroneSwarmSearch.planning.trajectories import (
+from DroneSwarmSearch.bound.memory import RememberingDrones
+from DroneSwarmSearch.bound.mirror_ascent import mirror_ascent
+from DroneSwarmSearch.bound.objectives import TrajectoryObjective
+from DroneSwarmSearch.bound.trajectories import (
     Trajectories,
     enumerate_trajectories,
     equally_likely,

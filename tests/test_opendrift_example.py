@@ -108,16 +108,16 @@ def test_a_person_in_a_tide_and_a_wind_that_turns_drifts_like_opendrift(name: st
         sea_at = {"wind": winds, "current": tide, "adrift": 3600 * hour, "scale": scale}
         person = leeway.person(name, **known, **sea_at)
         means, squares = [], []
-        for drift in person.drifts:
+        for drift in person.drift.drifts:
             sums = []
             for series in (drift.vector, drift.vector_sd):
                 rows = np.atleast_2d(series)
                 sums.append(rows[np.minimum(np.arange(drift.adrift), len(rows) - 1)].sum(axis=0))
             means.append(drift.start + sums[0])
             squares.append(np.square(drift.start_sd) + sums[1] ** 2)
-        mean = np.average(means, axis=0, weights=person.weights)
+        mean = np.average(means, axis=0, weights=person.drift.weights)
         variances = np.array(squares) + np.square(means - mean)
-        deviation = np.sqrt(np.average(variances, axis=0, weights=person.weights))
+        deviation = np.sqrt(np.average(variances, axis=0, weights=person.drift.weights))
         cells = degrees[hour] * (111_319.5, -110_574.4) / scale.metres_per_cell
         np.testing.assert_allclose(mean, cells.mean(axis=0), atol=0.03 * deviation.max())
         np.testing.assert_allclose(deviation, cells.std(axis=0), rtol=0.02)

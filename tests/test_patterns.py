@@ -13,16 +13,10 @@ import pytest
 from hypothesis import given, settings
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Scenario
+from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
 from DroneSwarmSearch.policies.datum import Datum, datums_of
-from DroneSwarmSearch.policies.patterns import (
-    CreepingLinePolicy,
-    ExpandingSquarePolicy,
-    ParallelSweepPolicy,
-    PatternPolicy,
-    SectorSearchPolicy,
-)
-from DroneSwarmSearch.policies.tracks import (
+from DroneSwarmSearch.policies.pattern_tracks import (
     Point,
     Rectangle,
     cells_along,
@@ -32,7 +26,13 @@ from DroneSwarmSearch.policies.tracks import (
     sector_search,
     strips_of,
 )
-from DroneSwarmSearch.scenario import Cell
+from DroneSwarmSearch.policies.patterns import (
+    CreepingLinePolicy,
+    ExpandingSquarePolicy,
+    ParallelSweepPolicy,
+    PatternPolicy,
+    SectorSearchPolicy,
+)
 
 PATTERNS = [ParallelSweepPolicy, CreepingLinePolicy, ExpandingSquarePolicy, SectorSearchPolicy]
 

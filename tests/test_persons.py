@@ -84,7 +84,7 @@ def test_the_vector_of_a_person_is_that_of_the_first_step_of_the_search():
     assert TIDE.vector_in(0) == pytest.approx((0, 0.1))
     assert Drift((3, 4), vector=TIDE.vector, adrift=99).vector_in(0) == (-0.4, 0.2)
     person = Person([TIDE, Drift((0, 0), vector=(0.2, 0.1), weight=3)])
-    assert person.vector == pytest.approx((0.15, 0.1))
+    assert person.drift.vector == pytest.approx((0.15, 0.1))
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,9 @@ def test_copies_and_files_are_equal(drift):
         person if "array" in repr(person) else eval(repr(person), vars(DroneSwarmSearch)),
     ):
         assert copied == person and hash(copied) == hash(person)
-        assert copied.drifts[0].prior is None or not copied.drifts[0].prior.flags.writeable
+        assert (
+            copied.drift.drifts[0].prior is None or not copied.drift.drifts[0].prior.flags.writeable
+        )
     assert Drift.from_dict(drift.to_dict()) == drift
     heavier = dataclasses.replace(drift, weight=7)
     assert heavier.key == drift.key and heavier.weight == 7
@@ -130,23 +132,23 @@ def test_files_may_leave_defaults_out():
 @given(st.lists(st.floats(1e-300, 1e300), min_size=1, max_size=6))
 def test_weights_sum_to_1(weights):
     person = Person([Drift((0, 0), weight=weight) for weight in weights])
-    assert math.fsum(person.weights) == pytest.approx(1)
-    assert person.weights[0] == pytest.approx(
+    assert math.fsum(person.drift.weights) == pytest.approx(1)
+    assert person.drift.weights[0] == pytest.approx(
         float(Fraction(weights[0]) / sum(map(Fraction, weights)))
     )
-    assert Person(Drift((0, 0), weight=weights[0])).weights == (1.0,)
+    assert Person(Drift((0, 0), weight=weights[0])).drift.weights == (1.0,)
 
 
 def test_the_start_must_fit_on_the_grid():
     person = Person([Drift((2, 1)), UNCERTAIN, Drift(PRIOR), Drift((99, -3.5), adrift=1)])
-    person.check_grid(3)
+    person.drift.check(3, 100, "person")
     for drift, size, message in (
         (Drift((3, 1)), 3, r"persons\[0\]\.drifts\[1\]\.start\[0\] must .*0 to 2 .*got .*3, 1"),
         (Drift((2.5, 3), start_sd=(1, 0)), 3, r"drifts\[1\]\.start\[1\] must .*0 to 2 .*2\.5"),
         (Drift(PRIOR), 4, r"drifts\[1\]\.start must .*shape \(4, 4\), got .*shape \(3, 3\)"),
     ):
         with pytest.raises(ValueError, match=message):
-            Person([Drift((0, 0)), drift]).check_grid(size, "persons[0]")
+            Person([Drift((0, 0)), drift]).drift.check(size, 100, "persons[0]")
 
 
 # The share beyond the grid.
@@ -194,7 +196,7 @@ def test_the_share_beyond_the_grid_is_a_mean_over_priors_and_hypotheses():
     one_hot = (np.arange(9) == 5).reshape(3, 3).astype(float)
     assert Drift(one_hot, **common).mass_beyond(3, 4) == pytest.approx(cells[5].mass_beyond(3, 4))
     person = Person([Drift((1, 1)), Drift((1, 1), vector=(1, 0), weight=3)])
-    assert person.mass_beyond(3, 2) == 0.75
+    assert person.drift.mass_beyond(3, 2) == 0.75
     there_and_back = Drift((1, 1), start_sd=0.1, vector=[(1, 0)] * 4 + [(-1, 0)] * 4 + [(0, 0)])
     shares = [there_and_back.mass_beyond(3, step) for step in (0, 4, 8, 99)]
     assert shares == pytest.approx([0, 1, 0, 0], abs=1e-5)
@@ -262,4 +264,4 @@ def test_bad_steps_and_grids_are_rejected():
     with pytest.raises(ValueError, match="grid_size must be"):
         UNCERTAIN.mass_beyond(1, 0)
     with pytest.raises(TypeError, match="step must be"):
-        Person(UNCERTAIN).mass_beyond(7, 0.5)
+        Person(UNCERTAIN).drift.mass_beyond(7, 0.5)

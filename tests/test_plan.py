@@ -22,9 +22,9 @@ from small_searches import (
 )
 
 from DroneSwarmSearch.evaluation import NamedSearch
+from DroneSwarmSearch.planning.joint_plan import Plan
 from DroneSwarmSearch.planning.passes import Passes
 from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.planning.plan import Plan
 from DroneSwarmSearch.planning.windows import Boxes, Window
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
@@ -84,7 +84,7 @@ def test_annealing_keeps_paths_legal_and_values_exact(
     plan = Plan(targets_of(of, worth=worth), 0, paths)
     value, fractions = plan.value(), []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("DroneSwarmSearch.planning.plan.HOTTEST", heat)
+        patch.setattr("DroneSwarmSearch.planning.joint_plan.HOTTEST", heat)
         plan.anneal(0.02, np.random.default_rng(seed), report=fractions.append)
     assert plan.value() >= value - 1e-9
     assert plan.value() == pytest.approx(

@@ -137,7 +137,7 @@ class TestFollowingPlans:
     def test_a_long_episode_is_planned_in_parts(
         self, plans_made: list[int], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr("DroneSwarmSearch.policies.planned.HORIZON", 6)
+        monkeypatch.setattr("DroneSwarmSearch.policies.open_loop.HORIZON", 6)
         monkeypatch.setattr("DroneSwarmSearch.policies.planner.HORIZON", 6)
         paths = paths_of(planner(A_SEARCH), A_SEARCH)
         assert plans_made == [0, 6, 12]

@@ -10,9 +10,9 @@ from dataclasses import replace
 import pytest
 from helpers import make_frame
 
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.rules import Action, Ending
 from DroneSwarmSearch.rendering.player import Player, Recording
-from DroneSwarmSearch.rules import Action, Ending
 
 LAST = 10
 """The number of steps in the episodes of these tests."""

@@ -81,7 +81,7 @@ def test_a_policy_looks_the_same_in_every_plot() -> None:
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_all_looks_differ(theme: str) -> None:
     assert {*plots.POLICIES} == {*POLICIES}
-    with style.context(plots.STYLES / f"{theme}.mplstyle"):
+    with style.context(f"{plots.STYLES}.{theme}"):
         colours = rcParams["axes.prop_cycle"].by_key()["color"]
         assert len({*colours}) == len(colours) == len({*plots.MARKERS})
 

@@ -14,10 +14,11 @@ from hypothesis import given, settings
 from small_searches import parameters
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
+from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core.rules import Ending
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.policies import POLICIES, BatchPolicy, SwarmPolicy, make
 from DroneSwarmSearch.policies.random_policy import RandomPolicy
-from DroneSwarmSearch.rules import Ending
-from DroneSwarmSearch.scenario import Cell, Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 
 NAMES = list(POLICIES)

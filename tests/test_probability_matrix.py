@@ -101,16 +101,16 @@ MIXTURE = Person(
         Drift(prior(11), vector={0: (0.3, 0.1), 40: (-0.3, 0)}, diffusion=0.2, weight=0.5),
     ]
 )
-PERSONS = [*map(Person, separable_drifts()), MIXTURE, Person(MIXTURE.drifts[2])]
+PERSONS = [*map(Person, separable_drifts()), MIXTURE, Person(MIXTURE.drift.drifts[2])]
 
 
 @pytest.mark.parametrize("person", PERSONS)
 def test_moves_map_each_forecast_to_the_next(person: Person) -> None:
-    forecast = ProbabilityMatrix(11, person)
+    forecast = ProbabilityMatrix(11, person.drift)
     cells = np.arange(11)
     for t in range(100):
         right, left, down, up = forecast.moves(t)
-        moved = np.zeros((len(person.drifts), 11, 11))
+        moved = np.zeros((len(person.drift.drifts), 11, 11))
         for h, joint in enumerate(forecast.joint(t)):
             along = []
             for higher, lower in ((right[h], left[h]), (down[h], up[h])):
@@ -128,10 +128,10 @@ def test_moves_map_each_forecast_to_the_next(person: Person) -> None:
 
 
 def test_a_mixture_is_the_weighted_mean_of_its_hypotheses() -> None:
-    forecast = ProbabilityMatrix(11, MIXTURE)
-    parts = [ProbabilityMatrix(11, drift) for drift in MIXTURE.drifts]
+    forecast = ProbabilityMatrix(11, MIXTURE.drift)
+    parts = [ProbabilityMatrix(11, drift) for drift in MIXTURE.drift.drifts]
     for t in (0, 1, 90):
-        expected = sum(w * p.exact(t) for w, p in zip(MIXTURE.weights, parts, strict=True))
+        expected = sum(w * p.exact(t) for w, p in zip(MIXTURE.drift.weights, parts, strict=True))
         np.testing.assert_allclose(forecast.exact(t), expected, atol=1e-13)
         np.testing.assert_allclose(forecast.at(t), expected, atol=1e-6)
         for axis, marginal in enumerate(forecast.marginals(t)):
@@ -228,7 +228,7 @@ def test_matrices_are_new_arrays() -> None:
     [
         ((1, Drift((0, 0))), ValueError, "grid_size must be an integer of at least 2, got 1"),
         ((5, Drift((9, 9))), ValueError, r"start.* 0 to 4 .* got .*9, 9"),
-        ((5, (1, 1)), TypeError, r"person must be a Person or a Drift, got \(1, 1\)"),
+        ((5, (1, 1)), TypeError, r"drifts\[0\] must be a Drift, got 1"),
     ],
 )
 def test_bad_arguments(arguments: tuple, error: type[Exception], message: str) -> None:

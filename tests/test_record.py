@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import Scale
 from DroneSwarmSearch import cli as command
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.rules import Action, Ending
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.evaluation import (
     SUITE,
     NamedSearch,
@@ -26,12 +29,9 @@ from DroneSwarmSearch.evaluation import (
     recording,
 )
 from DroneSwarmSearch.evaluation.recording import play
-from DroneSwarmSearch.frame import Frame
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.rendering.palette import NOT_FOUND
 from DroneSwarmSearch.rendering.video import SUFFIXES, write_pictures
-from DroneSwarmSearch.rules import Action, Ending
-from DroneSwarmSearch.scenario import Scenario
 
 pytest.importorskip("pygame")
 Image = pytest.importorskip("PIL.Image")

@@ -38,9 +38,9 @@ PUBLIC_MODULES = (
     "DroneSwarmSearch.single_drone_env",
     "DroneSwarmSearch.drift",
     "DroneSwarmSearch.incident",
-    "DroneSwarmSearch.leeway",
-    "DroneSwarmSearch.priors",
-    "DroneSwarmSearch.detection",
+    "DroneSwarmSearch.drift.leeway",
+    "DroneSwarmSearch.drift.priors",
+    "DroneSwarmSearch.drift.detection",
     "DroneSwarmSearch.vector",
     *ADAPTERS,
     "DroneSwarmSearch.adapters",
@@ -49,7 +49,7 @@ PUBLIC_MODULES = (
     "DroneSwarmSearch.planning",
     "DroneSwarmSearch.evaluation",
     "DroneSwarmSearch.training",
-    "DroneSwarmSearch.frame",
+    "DroneSwarmSearch.core.frame",
 )
 
 MAX_UNDESCRIBED_ARGUMENTS = 3

@@ -15,12 +15,12 @@ from helpers import make_frame, plain
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Scale
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.labels import percent, signed, tick_stride
 from DroneSwarmSearch.rendering.palette import FOUND, NOT_FOUND, PALETTES, PROGRESS, Look
 from DroneSwarmSearch.rendering.text import render_text
-from DroneSwarmSearch.rules import Ending
 
 pygame = pytest.importorskip("pygame")
 

@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 from helpers import SCHEMES
 
-from DroneSwarmSearch.rules import (
-    OFF_GRID,
+from DroneSwarmSearch.core.grid import OFF_GRID, Grid
+from DroneSwarmSearch.core.rules import (
     Action,
     Ending,
     RewardScheme,
     collisions,
     is_success,
-    neighbours,
-    neighbours_of_all,
     outcome,
     outcomes,
     same_cell,
@@ -164,10 +162,11 @@ def test_an_episode_ends_well_with_everybody_found_or_the_mission_complete() -> 
 
 def test_neighbours_of_every_cell() -> None:
     size = 3
-    assert neighbours_of_all(size).tolist() == [list(neighbours(c, size)) for c in range(size**2)]
+    grid = Grid.of(size)
+    assert grid.targets.tolist() == [list(grid.neighbours[c]) for c in range(size**2)]
     steps = {Action.LEFT: (-1, 0), Action.RIGHT: (1, 0), Action.UP: (0, -1), Action.DOWN: (0, 1)}
     for cell in range(size**2):
-        around = neighbours(cell, size)
+        around = grid.neighbours[cell]
         for action in Action:
             dx, dy = steps.get(action, (0, 0))
             x, y = cell % size + dx, cell // size + dy

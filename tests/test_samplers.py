@@ -152,4 +152,4 @@ def test_samplers_are_refused_together_with_what_they_draw() -> None:
         SwarmVectorEnv(3, write_matrices=False, sampler=sampler)
     batch = SearchBatch(3, sampler=sampler)
     with pytest.raises(ValueError, match="situations cannot be given together with a sampler"):
-        batch.reset(situations=[[Person(each.drifts) for each in CATALOGUE[0]]])
+        batch.reset(situations=[[Person(each.drift.drifts) for each in CATALOGUE[0]]])

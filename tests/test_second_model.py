@@ -6,7 +6,6 @@ the transition matrices are dense. The other one is the chain of `Tracks`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -16,9 +15,10 @@ from helpers import wandering
 from test_vector_engine import Twins
 from trainer_examples import module
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, RewardScheme, Scenario
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme, Scenario
+from DroneSwarmSearch.drift.hypotheses import Hypotheses
 from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.drift.persons import Drift, Person
+from DroneSwarmSearch.drift.models import drift_model
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.planning import success_bound
 from DroneSwarmSearch.policies import make
@@ -74,18 +74,24 @@ class Tracks(DriftModel):
         return place, tracks[place] * SIZE**2 + to, chances[place, to]
 
 
-@dataclass(frozen=True)
-class Follower(Person):
-    """A person who follows a track."""
+class Ways(Hypotheses):
+    """The person follows one of some tracks; one hypothesis stands for each."""
 
-    ways: Any = TRACKS
+    def __init__(self, ways: Any) -> None:
+        super().__init__([Drift(way[0]) for way in ways])
+        self.ways = ways
 
-    def model(self, grid_size: int) -> DriftModel:
-        return Tracks(self.ways, self.weights)
+    def __reduce__(self) -> tuple[object, ...]:
+        return Ways, (self.ways,)
 
 
-def follower(detection: float, tracks: Any = TRACKS) -> Follower:
-    return Follower([Drift(track[0]) for track in tracks], detection, ways=tracks)
+@drift_model.register
+def _of_ways(known: Ways, grid_size: int) -> DriftModel:
+    return Tracks(known.ways, known.weights)
+
+
+def follower(detection: float, tracks: Any = TRACKS) -> Person:
+    return Person(Ways(tracks), detection)
 
 
 USUAL = Person([Drift((2, 2), vector=(0.2, 0.1), diffusion=0.2)], 0.7)
@@ -95,7 +101,7 @@ PERSONS = {
     "two": [follower(1.0), follower(0.6, TRACKS[1:])],
     "mixed": [follower(0.9), USUAL],
     "chain": [CHAIN],
-    "chains": [CHAIN, replace(CHAIN, fine=1, classes=3, probability_of_detection=0.6)],
+    "chains": [CHAIN, Person(CHAIN.drift.tracks, 0.6, fine=1, classes=3)],
     "chain and usual": [CHAIN, USUAL],
 }
 
@@ -123,7 +129,7 @@ def test_batches_equal_single_environments(persons, updates, scheme):
     assert found > 10
 
 
-STRAIGHT = replace(CHAIN, tracks=wandering(2000, LIMIT, start=(1, 3), sd=0.05))
+STRAIGHT = Person(wandering(2000, LIMIT, start=(1, 3), sd=0.05), 0.8)
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ import pytest
 from helpers import module_at
 
 from DroneSwarmSearch import Tracks, policies
-from DroneSwarmSearch.evaluation import SUITE, NamedSearch, evaluate, search, suite
+from DroneSwarmSearch.core.scenario import Scenario
+from DroneSwarmSearch.evaluation import SUITE, NamedSearch, evaluate, search, share_found, suite
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, as_named
-from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector import SearchBatch
 
 FINGERPRINTS = {
@@ -82,17 +82,22 @@ def test_files_of_tracks_are_read_when_a_search_is_used(monkeypatch):
 def test_new_tracks_of_the_script_are_where_those_of_the_suite_are(name):
     found = search(name)
     (person,) = found.scenario.situation
-    assert (len(person.tracks), person.tracks.steps) == (simulator.TRACKS, simulator.STEPS)
+    assert (len(person.drift.tracks), person.drift.tracks.steps) == (
+        simulator.TRACKS,
+        simulator.STEPS,
+    )
     assert (found.scenario.grid_size, found.scale) == (simulator.GRID_SIZE, simulator.SCALE)
     count = 1000
     new = simulator.simulate(simulator.SCENES[name], count, seed=1)
     for step in range(0, simulator.STEPS + 1, 35):
-        ours, theirs = person.tracks.positions[step], new.positions[step]
+        ours, theirs = person.drift.tracks.positions[step], new.positions[step]
         error = 5 * ours.std(axis=0) / count**0.5
         assert (abs(ours.mean(axis=0) - theirs.mean(axis=0)) < error).all()
     policy = policies.make("greedy-posterior", found.scenario)
     promised = evaluate(policy, found, episodes=1).success.value
-    assert new.found(policy, drones_positions=found.drones) == pytest.approx(promised, abs=0.06)
+    assert share_found(new, policy, drones_positions=found.drones) == pytest.approx(
+        promised, abs=0.06
+    )
 
 
 def test_an_outline_has_the_main_parameters():

@@ -29,10 +29,10 @@ from DroneSwarmSearch import (
     survival,
 )
 from DroneSwarmSearch.cli import main
+from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate, save_csv
 from DroneSwarmSearch.policies import SwarmPolicy, make
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
-from DroneSwarmSearch.rules import Action
 
 MINUTE = Scale(100, 60)
 FALLING = (1.0, 0.9, 0.6, 0.2)
@@ -110,7 +110,9 @@ def test_forms_copies_and_files_are_equal(form):
     given = (1, 0.5, 0.25, 0)
     person = Person(Drift((1, 2)), 0.3, survival=form(given))
     assert person == Person(Drift((1, 2)), 0.3, survival=given)
-    assert person != Person(Drift((1, 2)), 0.3) and person.key == Person(Drift((1, 2))).key
+    assert (
+        person != Person(Drift((1, 2)), 0.3) and person.drift.key == Person(Drift((1, 2))).drift.key
+    )
     scenario = Scenario(persons=[person, Person(Drift((0, 0)))])
     data = json.loads(json.dumps(scenario.to_dict()))
     for copied in (
@@ -223,7 +225,9 @@ def test_success_is_the_mean_of_finding_alive():
 def found_alive(of: NamedSearch, positions: Any, searching: Any) -> float:
     """The value of one drone's path for a still person, from each cell's probability of a find."""
     (person,) = of.scenario.situation
-    chance = {drift.start: w for drift, w in zip(person.drifts, person.weights, strict=True)}
+    chance = {
+        drift.start: w for drift, w in zip(person.drift.drifts, person.drift.weights, strict=True)
+    }
     value = 0.0
     for step, (cell, searches) in enumerate(zip(positions, searching, strict=False)):
         if searches and cell in chance:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from helpers import TWO_DRONES
 
-from DroneSwarmSearch.rules import Ending
+from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.vector import DroneVectorEnv
 
 if importlib.util.find_spec("tianshou") is None:  # the import is slow

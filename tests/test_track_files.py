@@ -494,7 +494,7 @@ def test_json_names_the_file(tmp_path: Path, suffix: str) -> None:
     scenario = Scenario(20, persons=Person(tracks, 0.8, fine=1), timestep_limit=20)
     text = json.dumps(scenario.to_dict())
     restored = Scenario.from_dict(json.loads(text))
-    assert restored.persons[0].tracks == tracks
+    assert restored.persons[0].drift.tracks == tracks
     assert restored == scenario
     assert json.dumps(restored.to_dict()) == text
 

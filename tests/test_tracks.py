@@ -13,8 +13,9 @@ from helpers import wandering
 from hypothesis import given
 from hypothesis import strategies as st
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario, Tracks, policies
-from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch import Action, DroneSwarmSearch, Person, Scenario, Tracks, policies
+from DroneSwarmSearch.drift.models import drift_model
+from DroneSwarmSearch.evaluation import evaluate, share_found
 
 STEPS, SIZE = 12, 5
 TRACKS = wandering(3000, STEPS, start=(1, 1), drift=(0.2, 0.1))
@@ -43,7 +44,7 @@ def test_the_matrix_is_the_histogram_of_the_tracks(seed, fine, classes, size, is
     tracks = Tracks(
         moves.cumsum(axis=0).clip(-0.4, size - 0.6), rng.random(50) if is_weighted else None
     )
-    model = Person(tracks, fine=fine, classes=classes).model(size)
+    model = drift_model(Person(tracks, fine=fine, classes=classes).drift, size)
     mass, value = model.joint(0), rng.random(model.state_shape)
     for step in range(9):  # the tracks have 7 steps
         expected = histogram(tracks, min(step, 7), size)
@@ -56,7 +57,7 @@ def test_the_matrix_is_the_histogram_of_the_tracks(seed, fine, classes, size, is
 
 @pytest.mark.parametrize(("fine", "classes"), [(1, 1), (2, 1), (2, 3)])
 def test_persons_are_where_the_matrix_says_and_go_where_tracks_went(fine, classes):
-    model, count = Person(TRACKS, fine=fine, classes=classes).model(SIZE), 20_000
+    model, count = drift_model(Person(TRACKS, fine=fine, classes=classes).drift, SIZE), 20_000
     cells = np.clip(np.rint(TRACKS.positions), 0, SIZE - 1).astype(int) @ [1, SIZE]
     rng = np.random.default_rng(0)
     states = model.start(rng.random(count))
@@ -101,11 +102,13 @@ def test_found_counts_the_tracks_in_searched_cells():
     tracks = Tracks(np.repeat(PAIR, [3, 1], axis=1))
     scenario = Scenario(3, persons=Person(tracks, 0.5), timestep_limit=3)
     plan = [[Action.RIGHT], [Action.SEARCH], [Action.RIGHT]]
-    assert tracks.found(plan, scenario) == pytest.approx(0.75 * 0.5)
+    assert share_found(tracks, plan, scenario) == pytest.approx(0.75 * 0.5)
     idle = [[Action.IDLE]] * 3
-    assert tracks.found(idle, scenario, drones_positions=[(0, 2)]) == 0.0
+    assert share_found(tracks, idle, scenario, drones_positions=[(0, 2)]) == 0.0
     late = [[Action.IDLE], [Action.IDLE], [Action.SEARCH]]
-    assert tracks.found(late, scenario, drones_positions=[(0, 2)]) == pytest.approx(0.25 * 0.5)
+    assert share_found(tracks, late, scenario, drones_positions=[(0, 2)]) == pytest.approx(
+        0.25 * 0.5
+    )
 
 
 def test_plans_find_as_many_held_out_tracks_as_they_promise():
@@ -115,7 +118,7 @@ def test_plans_find_as_many_held_out_tracks_as_they_promise():
     )
     for name in ("greedy-posterior", "planner"):
         promised = evaluate(name, scenario, episodes=1).success.value
-        found = held_out.found(policies.make(name, scenario))
+        found = share_found(held_out, policies.make(name, scenario))
         assert found == pytest.approx(promised, abs=0.05)
         assert found > 0.5
 
@@ -149,7 +152,7 @@ def test_tracks_of_a_vanishing_weight_are_left_out():
     positions = np.array([[[0, 0], [3, 3]], [[1, 0], [4, 3]]])
     tracks = Tracks(positions, [2, 5e-324])
     assert len(tracks) == 1
-    model = Person(tracks).model(5)
+    model = drift_model(Person(tracks).drift, 5)
     assert np.array_equal(model.forward(model.joint(0), 0), model.joint(1))
 
 
@@ -159,7 +162,7 @@ def test_files_give_the_same_person(tmp_path):
     TRACKS.save(path)
     tracks = Tracks.read(path)
     for step in (0, 5, STEPS):
-        a, b = (Person(each).model(SIZE).joint(step) for each in (TRACKS, tracks))
+        a, b = (drift_model(Person(each).drift, SIZE).joint(step) for each in (TRACKS, tracks))
         np.testing.assert_allclose(a, b, atol=1e-15)
     scenario = Scenario(SIZE, persons=Person(tracks, 0.8, classes=2), timestep_limit=STEPS)
     scenario.to_dict()["persons"][0]["tracks"]["file"] = "another"  # a copy
@@ -177,14 +180,14 @@ def test_files_give_the_same_person(tmp_path):
 
 def test_copies_are_equal_and_share_what_is_large():
     person = Person(TRACKS, 0.8)
-    assert copy.deepcopy(person).tracks is TRACKS
-    assert person.model(SIZE) is person.model(SIZE)
+    assert copy.deepcopy(person).drift.tracks is TRACKS
+    assert drift_model(person.drift, SIZE) is drift_model(person.drift, SIZE)
     again = pickle.loads(pickle.dumps(person))
     assert again == person and hash(again) == hash(person) and again != Person(TRACKS, 0.7)
     zeros = np.zeros((2, 1, 2))
     assert Tracks(zeros) == Tracks(-zeros) and hash(Tracks(zeros)) == hash(Tracks(-zeros))
-    model = pickle.loads(pickle.dumps(person.model(SIZE)))
-    assert np.array_equal(model.joint(3), person.model(SIZE).joint(3))
+    model = pickle.loads(pickle.dumps(drift_model(person.drift, SIZE)))
+    assert np.array_equal(model.joint(3), drift_model(person.drift, SIZE).joint(3))
 
 
 JUMP = PAIR + [[[0, 0]], [[1, 0]], [[2, 0]], [[4, 0]]]
@@ -220,9 +223,9 @@ def test_bad_parameters_are_rejected(tmp_path):
         Person(tracks, fine=5)
     with pytest.raises(ValueError, match="classes must be an integer of at least 1, got 0"):
         Person(tracks, classes=0)
-    for drifts, other in ((Drift((0, 0)), tracks), ((), "drift.nc")):
-        with pytest.raises(TypeError, match="tracks must be Tracks in place of drifts"):
-            Person(drifts, tracks=other)
+    for other in ("drift.nc", [tracks]):
+        with pytest.raises(TypeError, match="drifts"):
+            Person(other)
     with pytest.raises(ValueError, match="timestep_limit must be at most 3, the steps of the trac"):
         Scenario(3, persons=Person(pair), timestep_limit=4)
     with pytest.raises(ValueError, match=r"held_out must leave tracks in both parts, got 0.1"):
@@ -237,11 +240,11 @@ def test_bad_parameters_are_rejected(tmp_path):
     with pytest.raises(ValueError, match=r"must be a file of Tracks\.save"):
         Tracks.read(tmp_path / "other.npz")
     with pytest.raises(TypeError, match="scenario must be a Scenario, got None"):
-        pair.found([[5]])
+        share_found(pair, [[5]])
     with pytest.raises(TypeError, match="policy must be a policy or a plan, got 'planner'"):
-        pair.found("planner", Scenario(3, persons=Person(pair), timestep_limit=3))
+        share_found(pair, "planner", Scenario(3, persons=Person(pair), timestep_limit=3))
     with pytest.raises(ValueError, match="scenario must have one person, got 2"):
-        pair.found([[5]], Scenario(3, persons=[Person(pair)] * 2, timestep_limit=3))
+        share_found(pair, [[5]], Scenario(3, persons=[Person(pair)] * 2, timestep_limit=3))
 
 
 def test_too_few_tracks_and_a_small_grid_are_warned_of():
@@ -250,4 +253,4 @@ def test_too_few_tracks_and_a_small_grid_are_warned_of():
     ):
         Person(TRACKS.thin(40))
     with pytest.warns(UserWarning, match="of tracks leave the grid of 3 x 3 cells"):
-        Person(TRACKS).model(3)
+        drift_model(Person(TRACKS).drift, 3)

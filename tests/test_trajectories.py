@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_searches import all_trajectories
 
-from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
-from DroneSwarmSearch.planning.trajectories import (
+from DroneSwarmSearch.bound.trajectories import (
     chernoff_bound,
     enumerate_trajectories,
     sample_trajectories,
 )
+from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
 
 
 class TestChernoff:

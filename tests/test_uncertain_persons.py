@@ -172,7 +172,7 @@ def test_missing_persons_are_distributed_as_the_posterior(person: Person) -> Non
     assert found <= limit
     assert sum(weights) == pytest.approx(1)
     if len(weights) > 1:
-        assert weights != pytest.approx(person.weights)
+        assert weights != pytest.approx(person.drift.weights)
 
 
 # Episodes.
@@ -326,7 +326,7 @@ def test_replacing_persons() -> None:
 def test_mass_beyond_the_grid_is_that_of_the_worst_person() -> None:
     scenario = Scenario(SIZE, persons=[KNOWN, TWO_SIDES])
     for step in (0, 10, 60):
-        each = [person.mass_beyond(SIZE, step) for person in (KNOWN, TWO_SIDES)]
+        each = [person.drift.mass_beyond(SIZE, step) for person in (KNOWN, TWO_SIDES)]
         assert scenario.mass_beyond_grid(step) == max(each)
     assert Scenario().mass_beyond_grid(100) > 0.99
     assert Scenario(61, person_initial_position=(30, 30)).mass_beyond_grid(1) < 1e-6

@@ -34,9 +34,8 @@ from helpers import (
     without_history,
 )
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded
-from DroneSwarmSearch.drift.persons import Drift, Person
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, ResetNeeded
+from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.vector import SearchBatch, beliefs
 
 # A batch, and a single environment for each of its rows.

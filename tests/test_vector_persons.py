@@ -14,9 +14,8 @@ from batches import CATALOGUE, CONSTANT, PERSON, POD
 from helpers import plain, without_history
 from test_vector_engine import Case, Twins, planned, play, random_case, use_tiles
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, RewardScheme
 from DroneSwarmSearch._internal.streams import episode_keys, numbers, stream_keys
-from DroneSwarmSearch.drift.persons import Drift, Person
 from DroneSwarmSearch.vector import (
     SearchBatch,
     SwarmVectorEnv,

@@ -22,8 +22,8 @@ from test_vector_views import SMALL
 import DroneSwarmSearch.wrappers as all_wrappers
 from DroneSwarmSearch import Action, DroneSwarmSearch
 from DroneSwarmSearch._internal.errors import ResetNeeded
+from DroneSwarmSearch.core.mappings import Infos
 from DroneSwarmSearch.layouts.masks import action_masks
-from DroneSwarmSearch.mappings import Infos
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.wrappers import (
     ActionMask,

@@ -22,9 +22,9 @@ from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
 from DroneSwarmSearch.adapters.trained_policy import TrainedPolicy, listed
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.layouts.view import View
-from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import TOP_CELLS, BatchObservations
 from DroneSwarmSearch.vector.vector_env import DroneVectorEnv, SwarmVectorEnv

@@ -21,7 +21,7 @@ from torchrl.modules import MaskedCategorical, ProbabilisticActor
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
-from DroneSwarmSearch.rules import Action
+from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.vector.vector_env import DroneVectorEnv
 
 __all__ = [

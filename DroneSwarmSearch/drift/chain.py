@@ -16,15 +16,13 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch.drift.model import DriftModel, Forecasts
-
-if TYPE_CHECKING:
-    from DroneSwarmSearch.drift.tracks import Tracks
+from DroneSwarmSearch.drift.tracks import Tracks
 
 
 class _Step(NamedTuple):
@@ -56,7 +54,7 @@ class Chain(DriftModel):
     """The Markov chain of some tracks; nobody moves after the last step of the tracks.
 
     A layer of mass holds one part of each cell that some track visits, for one class: mass has the
-    shape (classes * fine², R, N). `Tracks.chain` makes chains, and keeps them.
+    shape (classes * fine², R, N). `models.drift_model` makes chains, and keeps them.
     """
 
     def __init__(self, tracks: Tracks, grid_size: int, fine: int, classes: int) -> None:

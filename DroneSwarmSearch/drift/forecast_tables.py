@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
-from DroneSwarmSearch.drift.model import Forecasts, cumulative, over_layers
-from DroneSwarmSearch.drift.persons import Person
-from DroneSwarmSearch.drift.tables import (
+from DroneSwarmSearch.drift.axes import (
     Steps,
     joint_of,
     matrices_of,
     moves_of,
     tabulate,
 )
+from DroneSwarmSearch.drift.hypotheses import Hypotheses
+from DroneSwarmSearch.drift.model import Forecasts, cumulative, over_layers
 
 
 class ForecastTables(Forecasts):
@@ -25,7 +25,7 @@ class ForecastTables(Forecasts):
 
     def __init__(self, models: Sequence[Any], **options: Any) -> None:
         super().__init__(models, **options)
-        self._persons: list[Person] = [model.person for model in models]
+        self._persons: list[Hypotheses] = [model.known for model in models]
         priors = [[drift.prior is not None for drift in each.drifts] for each in self._persons]
         self._has_prior = np.array([any(each) for each in priors])
         self._last_steps: Steps | None = None

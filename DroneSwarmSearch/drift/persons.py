@@ -1,215 +1,28 @@
-"""Persons and what is known of their drift, as plain data; `tables` computes where they may be."""
+"""Persons to find, as plain data; `models.drift_model` computes where they may be."""
 
 from __future__ import annotations
 
-import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from functools import cached_property, partial
+from collections.abc import Mapping, Sequence
+from dataclasses import InitVar, dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch._internal.erf import erf
-from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.drift.tracks import Tracks
-
-MAX_DIFFUSION = 2 / 3
-"""The variance of a step to one of three adjacent cells at random."""
-
-_LARGE = 1e300
-"""Stands for larger numbers, so that differences of two of them stay finite."""
+from DroneSwarmSearch.drift.hypotheses import Hypotheses
+from DroneSwarmSearch.drift.known import KnownDrift
+from DroneSwarmSearch.drift.tracks import TrackDrift, Tracks
 
 _ROUNDING = 1e-12
 
-Vector = tuple[float, float] | Floats | Mapping[int, tuple[float, float]]
 
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Drift:
-    """One hypothesis about a person: the start, the drift, and how uncertain both are.
-
-    After tau = adrift + t steps, the person's position along each axis has the mean
-    start + vector * tau and the variance start_sd² + diffusion * tau + (vector_sd * tau)²; the
-    drift is constant during an episode, but known only up to `vector_sd`. Persons move at most
-    one cell per step along each axis, even if the vector is longer::
-
-        Drift((20, 20), start_sd=3, vector=(0.2, -0.1), vector_sd=0.05, diffusion=0.1)
-
-    A drift that varies in time, such as a tide, has a vector for each step. Their sum over the
-    first tau steps takes the place of vector * tau. Steps count from the start of the drift, so
-    the first ones are those adrift::
-
-        Drift((20, 20), start_sd=3, vector={0: (0.3, 0), 100: (-0.3, 0)}, diffusion=0.1, adrift=50)
-
-    Two drifts are equal if their values are, whichever form the values were given in.
-
-    Attributes:
-        start: where the person is when the drift begins. A cell (x, y) of the grid; real
-            numbers, also outside the grid, along an axis where `start_sd` is positive, or
-            along both if `adrift` is; or an array of shape (grid_size, grid_size), indexed
-            [y, x]: the probability of each cell up to a factor. A read-only float64 copy
-            that sums to 1 is kept. With an array, the spread by `vector_sd` can be coarse,
-            because it is computed along one axis at a time: prefer several drifts with `start_sd`.
-        start_sd: standard deviation of the start, in cells: a number, or a pair (x, y). Kept as
-            a pair; 0 for an array.
-        vector: mean drift in cells per step, (x, y); y grows downward. Or one for each step, of
-            shape (steps, 2), and the last one from then on; or a mapping of steps to vectors,
-            linear in between, and constant before the first and after the last one. A series is
-            kept as a read-only float64 array with a row for each step until the last change.
-        vector_sd: standard deviation of the drift, in cells per step: a number or a pair (x, y).
-            Or one for each step, like `vector`, of any sign: the magnitude of their sum over
-            the first tau steps takes the place of vector_sd * tau, and may shrink again.
-        diffusion: growth of the position's variance along each axis, in cells² per step, twice
-            the diffusion coefficient; from 0 to 2/3.
-        adrift: whole steps of drift before the search begins; 0 for an array.
-        weight: how likely the hypothesis is relative to the person's other ones; above 0.
-
-    Raises:
-        TypeError: a value is of the wrong type.
-        ValueError: a value is out of its limits.
-    """
-
-    start: tuple[float, float] | Floats
-    start_sd: float | tuple[float, float] = field(default=0.0, kw_only=True)
-    vector: Vector = field(default=(0.0, 0.0), kw_only=True)
-    vector_sd: float | Vector = field(default=0.0, kw_only=True)
-    diffusion: float = field(default=0.0, kw_only=True)
-    adrift: int = field(default=0, kw_only=True)
-    weight: float = field(default=1.0, kw_only=True)
-
-    def __post_init__(self) -> None:
-        start_sd = _deviations("start_sd", self.start_sd)
-        adrift = checks.integer("adrift", self.adrift, 0, checks.LARGEST_EXACT)
-        start = _start(self.start, start_sd, adrift)
-        for name, given in (("start_sd", start_sd), ("adrift", adrift)):
-            if isinstance(start, np.ndarray) and np.any(given):
-                raise ValueError(f"{name} must be 0 if start is an array, got {given!r}")
-        values = {
-            "start": start,
-            "start_sd": start_sd,
-            "vector": _vector("vector", self.vector, checks.pair),
-            "vector_sd": _vector("vector_sd", self.vector_sd, _deviations),
-            "diffusion": checks.real("diffusion", self.diffusion, 0, MAX_DIFFUSION + _ROUNDING),
-            "adrift": adrift,
-            "weight": checks.positive("weight", self.weight),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        values = {each.name: getattr(self, each.name) for each in fields(self)}
-        return partial(type(self), **values), ()
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Drift):
-            return NotImplemented
-        return self.key == other.key and self.weight == other.weight
-
-    def __hash__(self) -> int:
-        return hash((self.key, self.weight))
-
-    def __repr__(self) -> str:
-        values = [getattr(self, each.name) for each in fields(self)]
-        start, *others = (
-            f"<array of shape {value.shape}>" if isinstance(value, np.ndarray) else repr(value)
-            for value in values
-        )
-        named = [f"{each.name}={text}" for each, text in zip(fields(self)[1:], others, strict=True)]
-        return f"Drift({start}, {', '.join(named)})"
-
-    @property
-    def prior(self) -> Floats | None:
-        """The start if it is an array, shape (grid_size, grid_size), indexed [y, x]; or None."""
-        return self.start if isinstance(self.start, np.ndarray) else None
-
-    def vector_in(self, step: int) -> tuple[float, float]:
-        """The mean drift in a step of the search, (x, y)."""
-        rows = np.atleast_2d(np.asarray(self.vector))
-        x, y = rows[min(self.adrift + step, len(rows) - 1)].tolist()
-        return x, y
-
-    def spread(self, step: int) -> Floats:
-        """The mean (x, y) and the standard deviations (x, y) at a step: float64, (2, 2).
-
-        On a grid without borders. If the start is an array, the mean is that of the shift.
-        """
-        from DroneSwarmSearch.drift.tables import displaced
-
-        tau = np.array(self.adrift + step, np.float64)
-        start = self.start if self.prior is None else 0.0
-        with np.errstate(over="ignore"):
-            mean = np.add(start, displaced(np.asarray(self.vector), tau))
-            by_drift = displaced(np.asarray(self.vector_sd), tau)
-            deviation = np.hypot(np.hypot(self.start_sd, np.sqrt(self.diffusion * tau)), by_drift)
-        return np.array([mean, deviation])
-
-    def mass_beyond(self, grid_size: int, step: int) -> float:
-        """The probability that the person would be beyond the grid if nothing stopped there.
-
-        The matrix never leaves the grid: its mean stops at the border, and it is truncated. This
-        is the share of the untruncated Gaussian outside of the grid after some completed steps.
-
-        Raises:
-            TypeError: an argument is not an integer.
-            ValueError: an argument is out of its limits, or the start does not fit.
-        """
-        size = checks.integer("grid_size", grid_size, 2, checks.LARGEST_EXACT)
-        spread = self.spread(checks.integer("step", step, 0, checks.LARGEST_EXACT))
-        self.check_grid(size)
-        starts = np.zeros(1) if self.prior is None else np.arange(size)
-        x, y = (_within(size, starts + mean, deviation) for mean, deviation in spread.T.tolist())
-        inside = float(x[0] * y[0] if self.prior is None else y @ self.prior @ x)
-        return min(max(1.0 - inside, 0.0), 1.0)
-
-    @cached_property
-    def key(self) -> tuple[object, ...]:
-        """A hashable key of everything but the weight; equal for equal forecasts."""
-        values = (getattr(self, each.name) for each in fields(self) if each.name != "weight")
-        return tuple(each.tobytes() if isinstance(each, np.ndarray) else each for each in values)
-
-    def check_grid(self, grid_size: int, name: str = "drift") -> None:
-        """Raise a ValueError, with this drift's name, if the start does not fit on a grid."""
-        name, shape = f"{name}.start", (grid_size, grid_size)
-        if isinstance(self.start, np.ndarray):
-            if self.start.shape != shape:
-                raise ValueError(
-                    f"{name} must be a cell (x, y) or an array of shape {shape}, "
-                    f"got one of shape {self.start.shape}"
-                )
-            return
-        deviations: Any = self.start_sd
-        for place, deviation in enumerate(deviations):
-            if _known(deviation, self.adrift) and not self.start[place] <= grid_size - 1:
-                raise ValueError(
-                    f"{name}[{place}] must be a whole number from 0 to {grid_size - 1} "
-                    f"unless start_sd or adrift is positive, got start={self.start}"
-                )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the values as plain data for JSON; `from_dict` reads it."""
-        return {each.name: np.asarray(getattr(self, each.name)).tolist() for each in fields(self)}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Drift:
-        """Make a drift from the output of `to_dict`; missing values get their defaults.
-
-        Raises:
-            TypeError: `data` is not a mapping of parameters, or one is of the wrong type.
-            ValueError: a value is out of its limits.
-        """
-        return cls(**data)
-
-
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class Person:
-    """A person to find: one or more hypotheses about the drift, one of which is true, or tracks.
+    """A person to find: what is known of the drift, and how well a search detects the person.
 
-    An episode draws one of the drifts by weight and shows it to nobody::
+    With several hypotheses, an episode draws one of them by weight and shows it to nobody::
 
         Person([Drift((20, 20), weight=2), Drift((35, 12), weight=1)], probability_of_detection=0.8)
 
@@ -218,15 +31,18 @@ class Person:
 
         Person(Tracks.read("drift.nc", ...), probability_of_detection=0.8)
 
-    Attributes:
-        drifts: the hypotheses, a tuple; one `Drift` or any sequence of them is accepted. Tracks are
-            accepted in their place, and then it is empty.
-        probability_of_detection: of a search of the person's cell, from 0 to 1.
-        tracks: the tracks, or None.
+    Args:
+        drift: one `Drift`, a sequence of them, or `Tracks`.
+        probability_of_detection: see below.
+        survival: see below.
         fine: with tracks, where a person goes next depends on one of fine² parts of the cell; from
             1 to 4. With 1, plans promise more than they find; 3 and 4 need many tracks.
         classes: with tracks, the number of groups of similar tracks; a person belongs to one of
             them for good. Time and memory grow with it.
+
+    Attributes:
+        drift: what is known of the drift: `Hypotheses`, `TrackDrift` or another `KnownDrift`.
+        probability_of_detection: of a search of the person's cell, from 0 to 1.
         survival: the probability of being alive, entry t after t completed steps, and the last
             entry from then on; never increasing. Any array or sequence; a tuple is kept. Plans,
             policies, `RewardScheme.expected` and `Evaluation.success_alive` weigh finds by it; it
@@ -237,191 +53,43 @@ class Person:
         ValueError: a value is out of its limits.
     """
 
-    drifts: tuple[Drift, ...]
+    drift: Any
     probability_of_detection: float = 1.0
-    tracks: Tracks | None = field(default=None, kw_only=True)
-    fine: int = field(default=2, kw_only=True)
-    classes: int = field(default=1, kw_only=True)
     survival: Sequence[float] | Floats | None = field(default=None, kw_only=True, repr=False)
+    fine: InitVar[int] = field(default=2, kw_only=True)
+    classes: InitVar[int] = field(default=1, kw_only=True)
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, fine: int, classes: int) -> None:
         detection = checks.real("probability_of_detection", self.probability_of_detection, 0, 1)
+        known = self.drift
+        if isinstance(known, Tracks):
+            known = TrackDrift(known, fine, classes)
+        elif not isinstance(known, KnownDrift):
+            known = Hypotheses(known)
+        object.__setattr__(self, "drift", known)
         object.__setattr__(self, "probability_of_detection", detection)
         if self.survival is not None:
             object.__setattr__(self, "survival", _survival(self.survival))
-        checks.integer("fine", self.fine, 1, 4)
-        checks.integer("classes", self.classes, 1)
-        given: object = self.drifts
-        if isinstance(given, Tracks):
-            object.__setattr__(self, "drifts", ())
-            object.__setattr__(self, "tracks", given)
-        if self.tracks is not None:
-            if self.drifts or not isinstance(self.tracks, Tracks):
-                raise TypeError(f"tracks must be Tracks in place of drifts, got {self.tracks!r}")
-            self.tracks.check_number(self.fine)
-            return
-        what = "a Drift, a sequence of them or Tracks"
-        drifts = [given] if isinstance(given, Drift) else checks.items("drifts", given, what)
-        if not drifts:
-            raise ValueError(f"drifts must hold at least one Drift, got {given!r}")
-        for place, drift in enumerate(drifts):
-            if not isinstance(drift, Drift):
-                raise TypeError(f"drifts[{place}] must be a Drift, got {drift!r}")
-        object.__setattr__(self, "drifts", tuple(drifts))
-
-    def __repr__(self) -> str:
-        detection = f"probability_of_detection={self.probability_of_detection!r}"
-        if self.tracks is None:
-            return f"Person(drifts={self.drifts!r}, {detection})"
-        return f"Person({self.tracks!r}, {detection}, fine={self.fine}, classes={self.classes})"
 
     def alive(self, step: int) -> float:
         """The probability of being alive after a number of completed steps, from `survival`."""
         return 1.0 if self.survival is None else self.survival[min(step, len(self.survival) - 1)]
-
-    @property
-    def weights(self) -> tuple[float, ...]:
-        """The probability of each of the drifts; they sum to 1. (1.0,) for tracks."""
-        if self.tracks is not None:
-            return (1.0,)
-        largest = max(drift.weight for drift in self.drifts)
-        relative = [drift.weight / largest for drift in self.drifts]
-        total = math.fsum(relative)
-        return tuple(weight / total for weight in relative)
-
-    @property
-    def vector(self) -> tuple[float, float]:
-        """The mean drift in cells per step, (x, y): of the search's first step; of whole tracks."""
-        if self.tracks is not None:
-            return self.tracks.vector
-        pairs = list(zip(self.weights, self.drifts, strict=True))
-        x, y = (
-            sum(weight * drift.vector_in(0)[axis] for weight, drift in pairs) for axis in (0, 1)
-        )
-        return x, y
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """A hashable key of the drifts and weights; equal for equal forecasts."""
-        if self.tracks is not None:
-            return self.tracks, self.fine, self.classes
-        return (*(drift.key for drift in self.drifts), self.weights)
-
-    def model(self, grid_size: int) -> DriftModel:
-        """The person's drift model; another kind of person returns its own here."""
-        from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
-
-        if self.tracks is not None:
-            return self.tracks.chain(grid_size, self.fine, self.classes)
-        return ProbabilityMatrix(grid_size, self)
-
-    def check_grid(self, grid_size: int, name: str = "person") -> None:
-        """`Drift.check_grid` of all drifts; `name` is that of this person."""
-        if self.tracks is not None:
-            return
-        for place, drift in enumerate(self.drifts):
-            drift.check_grid(grid_size, f"{name}.drifts[{place}]")
-
-    def mass_beyond(self, grid_size: int, step: int) -> float:
-        """The mean of `Drift.mass_beyond` over the drifts, by weight; or the share of tracks."""
-        if self.tracks is not None:
-            return self.tracks.mass_beyond(grid_size, step)
-        beyond = [drift.mass_beyond(grid_size, step) for drift in self.drifts]
-        return math.fsum(w * mass for w, mass in zip(self.weights, beyond, strict=True))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the values as plain data for JSON; `from_dict` reads it.
 
         Of tracks it holds the name and the SHA-256 of their file, see `Tracks.to_dict`.
         """
-        data: dict[str, Any] = {"probability_of_detection": self.probability_of_detection}
-        if self.survival is not None:
-            data["survival"] = list(self.survival)
-        if self.tracks is None:
-            return {"drifts": [drift.to_dict() for drift in self.drifts], **data}
-        return {"tracks": self.tracks.to_dict(), "fine": self.fine, "classes": self.classes, **data}
+        data = self.drift.to_dict() | {"probability_of_detection": self.probability_of_detection}
+        return data if self.survival is None else {**data, "survival": list(self.survival)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Person:
         """Make a person from the output of `to_dict`, see `Drift.from_dict`."""
-        values, drifts = {**data}, []
+        values = {**data}
         if "tracks" in values:
-            return cls((), tracks=Tracks.from_dict(values.pop("tracks")), **values)
-        given: Any = checks.items("drifts", values.get("drifts"), "a list of drifts")
-        for place, each in enumerate(given):
-            try:
-                drifts.append(Drift.from_dict(each))
-            except (TypeError, ValueError) as error:
-                raise type(error)(f"drifts[{place}]: {error}") from None
-        return cls(**{**values, "drifts": drifts})
-
-
-def _start(
-    value: object, start_sd: tuple[float, float], adrift: int
-) -> tuple[float, float] | Floats:
-    what = "a cell (x, y) or an array of shape (grid_size, grid_size)"
-    given = checks.numbers("start", value, what)
-    if given.ndim == 2:
-        return _probabilities(given)
-    if given.shape != (2,):
-        error = TypeError if given.ndim == 0 else ValueError
-        raise error(f"start must be {what}, got {value!r}")
-    cell = checks.pair("start", given.tolist())
-    known = [_known(deviation, adrift) for deviation in start_sd]
-    for place, coordinate in enumerate(cell):
-        if known[place] and not (coordinate >= 0 and coordinate.is_integer()):
-            raise ValueError(
-                f"start[{place}] must be a whole number of at least 0 unless start_sd or adrift "
-                f"is positive, got start={value!r}"
-            )
-    return (int(cell[0]), int(cell[1])) if all(known) else cell
-
-
-def _known(start_sd: float, adrift: int) -> bool:
-    """Whether the cell at step 0 is known along an axis."""
-    return start_sd == 0.0 and adrift == 0
-
-
-def _probabilities(given: NDArray[Any]) -> Floats:
-    """A read-only float64 copy that sums to 1."""
-    rows, columns = given.shape
-    if rows != columns or rows < 2:
-        raise ValueError(
-            f"start must be an array of shape (grid_size, grid_size), got {rows, columns}"
-        )
-    values = given.astype(np.float64)
-    if not values.min() >= 0.0:
-        raise ValueError(f"start must be an array of numbers of at least 0, got {values.min()}")
-    with np.errstate(over="ignore"):
-        total = values.sum()
-    if not 0.0 < total < np.inf:
-        raise ValueError(f"start must have a positive, finite sum, got {total}")
-    if abs(total - 1.0) > _ROUNDING:  # so that a copy has the same values
-        values /= total
-    values += 0.0  # turns -0.0 into 0.0
-    return _read_only(values)
-
-
-def _read_only(values: Floats) -> Floats:
-    """A copy that cannot be made writeable, because it is on top of bytes."""
-    return np.frombuffer(values.tobytes()).reshape(values.shape)
-
-
-def _vector(name: str, value: Any, of_one: Callable[..., tuple[float, float]]) -> Vector:
-    """A pair for all steps, or a read-only array with a row for each one until the last change."""
-    what = "one vector, or vectors (x, y) of finite numbers for each step"
-    if isinstance(value, Mapping):
-        steps = sorted(checks.integer(f"a step of {name}", s, 0, 10**7) for s in value)
-        given = np.array([checks.pair(f"{name}[{step}]", value[step]) for step in steps])
-        every = np.arange(max(steps, default=0) + 1)
-        value = np.array([np.interp(every, steps, column) for column in given.T]).T
-    elif checks.is_number(value) or all(map(checks.is_number, checks.items(name, value, what))):
-        return of_one(name, value)
-    rows = np.array(checks.numbers(name, value, what), np.float64) + 0.0  # no -0.0
-    if rows.ndim != 2 or rows.shape[1] != 2 or not np.isfinite(rows).all():
-        raise ValueError(f"{name} must be {what}, got {value!r:.100}")
-    changes = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
-    return _read_only(rows[: changes[-1] + 2]) if changes.size else of_one(name, rows[0].tolist())
+            return cls(Tracks.from_dict(values.pop("tracks")), **values)
+        return cls(Hypotheses.from_list(values.pop("drifts", None)), **values)
 
 
 def warn_of_mass_beyond(
@@ -430,7 +98,8 @@ def warn_of_mass_beyond(
     """Warn if more than 1% of a person's forecast lies beyond the grid within the time limit."""
     last = checks.integer("timestep_limit", timestep_limit, 1, checks.LARGEST_EXACT)
     steps = _some_steps(last)
-    drifting = [person for person in persons if person.tracks is None]  # tracks warn themselves
+    # Tracks warn when a model is made of them.
+    drifting = [each.drift for each in persons if isinstance(each.drift, Hypotheses)]
     every = [(each.mass_beyond(grid_size, step), -step) for each in drifting for step in steps]
     beyond, step = max(every, default=(0.0, 0))
     if beyond > 0.01:
@@ -446,16 +115,6 @@ def _some_steps(last: int) -> set[int]:
     return {round(last * part / 32) for part in range(33)}
 
 
-def _within(grid_size: int, means: Floats, deviation: float) -> Floats:
-    """The probability of being within the grid along an axis, for each of some means."""
-    means, deviation = np.clip(means, -_LARGE, _LARGE), min(deviation, _LARGE)
-    low, high = -0.5 - means, grid_size - 0.5 - means
-    if deviation == 0.0:
-        inside: Floats = ((low <= 0.0) & (high > 0.0)).astype(np.float64)
-        return inside
-    return 0.5 * (erf(high / (deviation * math.sqrt(2))) - erf(low / (deviation * math.sqrt(2))))
-
-
 def _survival(value: object) -> tuple[float, ...]:
     what = "one or more probabilities from 0 to 1, none above the one before"
     given = checks.numbers("survival", value, what).astype(np.float64)
@@ -466,13 +125,3 @@ def _survival(value: object) -> tuple[float, ...]:
     if wrong.any():
         raise ValueError(f"survival must be {what}, got {given[wrong][0]} at step {wrong.argmax()}")
     return tuple(given.tolist())
-
-
-def _deviations(name: str, value: object) -> tuple[float, float]:
-    """A standard deviation along each axis, from one number or a pair."""
-    what = "a number of at least 0 or a pair (x, y) of them"
-    both = [value, value] if checks.is_number(value) else checks.items(name, value, what)
-    if len(both) != 2:
-        raise ValueError(f"{name} must be {what}, got {value!r}")
-    x, y = (checks.real(name, each, 0) for each in both)
-    return x, y

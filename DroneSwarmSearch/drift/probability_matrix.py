@@ -1,4 +1,4 @@
-"""The drift model of a `Person`: a mixture of hypotheses, each drifting along x and y on its own.
+"""The drift model of `Hypotheses`, a mixture, each drifting along x and y on its own.
 
 The matrix of a hypothesis is separable: at step t it is the outer product of one probability
 vector per axis. Only if the start of one is an array, the matrices of all hypotheses are carried
@@ -15,10 +15,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
-from DroneSwarmSearch.drift.forecast_tables import ForecastTables
-from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.drift.persons import Drift, Person
-from DroneSwarmSearch.drift.tables import (
+from DroneSwarmSearch.drift.axes import (
     Drifter,
     Steps,
     joint_of,
@@ -26,6 +23,9 @@ from DroneSwarmSearch.drift.tables import (
     moves_of,
     tabulate,
 )
+from DroneSwarmSearch.drift.forecast_tables import ForecastTables
+from DroneSwarmSearch.drift.hypotheses import Hypotheses
+from DroneSwarmSearch.drift.model import DriftModel
 
 CACHE_BYTES = 16 * 2**20
 """The largest tables that a forecast keeps; later ones are made again in each episode."""
@@ -67,26 +67,24 @@ class ProbabilityMatrix(DriftModel):
 
     Args:
         grid_size: cells along each side of the square grid, N.
-        person: the person: a `Person`, or its `Drift` if there is only one.
+        known: what is known of the person's drift: a `Drift`, a sequence of them, their
+            `Hypotheses`, or a `Person` made of them.
 
     Raises:
         TypeError: an argument is of the wrong type.
         ValueError: an argument is out of its limits.
     """
 
-    def __init__(self, grid_size: int, person: Person | Drift) -> None:
+    def __init__(self, grid_size: int, known: Any) -> None:
         self.grid_size = size = checks.integer("grid_size", grid_size, 2)
-        if isinstance(person, Drift):
-            person = Person((person,))
-        if not isinstance(person, Person):
-            raise TypeError(f"person must be a Person or a Drift, got {person!r}")
-        person.check_grid(size)
-        hypotheses = len(person.drifts)
+        known = getattr(known, "drift", known)
+        self.known = known = known if isinstance(known, Hypotheses) else Hypotheses(known)
+        known.check(size, 0, "known")
+        hypotheses = len(known.drifts)
         checks.fits("a matrix", 4 * size**2 * hypotheses, grid_size=size)
-        self.person = person
-        self.key = size, person.key
-        self.weights = np.array(person.weights)
-        self._separable = all(drift.prior is None for drift in person.drifts)
+        self.key = size, known.key
+        self.weights = np.array(known.weights)
+        self._separable = all(drift.prior is None for drift in known.drifts)
         joint = 0 if self._separable else 8 * size**2
         self._step_bytes = 4 * size**2 + hypotheses * (8 * 8 * size + joint) + 512
         self._block_steps = min(max(_BLOCK_BYTES // self._step_bytes, 1), _BLOCK_STEPS)
@@ -94,7 +92,7 @@ class ProbabilityMatrix(DriftModel):
         self._block: _Block | None = None  # used last
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (self.grid_size, self.person)
+        return type(self), (self.grid_size, self.known)
 
     # The forecast.
 
@@ -243,7 +241,7 @@ class ProbabilityMatrix(DriftModel):
             first, previous = each * count, block.steps if block is not None and each else None
             block = self._kept.get(each)
             if block is None:
-                steps = tabulate(self.grid_size, [self.person], first, count, previous)
+                steps = tabulate(self.grid_size, [self.known], first, count, previous)
                 block = _Block(first, steps, {})
             if (each + 1) * count * self._step_bytes <= CACHE_BYTES:
                 self._kept[each] = block

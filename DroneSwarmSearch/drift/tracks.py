@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,18 +16,14 @@ from numpy.typing import ArrayLike
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Floats
 from DroneSwarmSearch._internal.files import replacing
-from DroneSwarmSearch.drift.chain import Chain, fine_cells
+from DroneSwarmSearch.drift.known import KnownDrift
 from DroneSwarmSearch.drift.scale import Scale
-
-if TYPE_CHECKING:
-    from DroneSwarmSearch.scenario import Scenario
 
 FARTHEST = 200
 """Cells from the given cell; if no track comes nearer, the position is probably a mistake."""
 
-MOST_BEYOND, MOST_UNSEEN = 0.01, 0.1
-"""The shares above which there is a warning: of tracks off the grid, and of those that are held out
-where no other track is."""
+MOST_UNSEEN = 0.1
+"""The share of held-out tracks where no other track is, above which there is a warning."""
 
 
 class Tracks:
@@ -52,6 +48,7 @@ class Tracks:
         stranded: the number of tracks that end in NaN, or strand in a file.
         lost: the number of tracks in a file that end for another reason, and are left out.
         source: the file, its SHA-256 and the arguments of `read`, as plain data; or None.
+        chains: the drift models made of them so far.
 
     Raises:
         TypeError: an argument holds no real numbers.
@@ -81,10 +78,10 @@ class Tracks:
         self.positions.flags.writeable = self.weights.flags.writeable = False
         self.lost = 0
         self.source: dict[str, Any] | None = None
-        self._chains: dict[tuple[int, ...], Chain] = {}
+        self.chains: dict[tuple[int, ...], Any] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_chains": {}}
+        return {**self.__dict__, "chains": {}}
 
     def __deepcopy__(self, memo: object) -> Tracks:
         return self
@@ -143,66 +140,15 @@ class Tracks:
         kept = np.random.default_rng(seed).permutation(len(self))[:count]
         return Tracks(self.positions[:, kept], self.weights[kept])
 
-    # The drift model.
-
-    def chain(self, grid_size: int, fine: int = 2, classes: int = 1) -> Chain:
-        """The drift model of the tracks on a grid; see `Person` for the arguments."""
-        key = grid_size, fine, classes
-        if key not in self._chains:
-            off = max(self.mass_beyond(grid_size, step) for step in self._some_steps)
-            if off > MOST_BEYOND:
-                warnings.warn(
-                    f"{off:.1%} of tracks leave the grid of {grid_size} x {grid_size} cells, "
-                    "and count as in its outer cells: take a larger grid, or larger cells",
-                    stacklevel=2,
-                )
-            self._chains[key] = Chain(self, *key)
-        return self._chains[key]
-
     def mass_beyond(self, grid_size: int, step: int) -> float:
         """The share of the tracks that are off the grid at a step."""
         cells = np.floor(self.positions[min(step, self.steps)] + 0.5)
         return float(self.weights @ ((cells < 0) | (cells >= grid_size)).any(axis=1))
 
-    def check_number(self, fine: int) -> None:
-        """Warn if the tracks are too few for cells of `fine` by `fine` parts."""
-        shares, held_out = [], np.zeros(len(self), np.bool_)
-        held_out[np.random.default_rng(0).permutation(len(self))[: -(-len(self) // 4)]] = True
-        for step in self._some_steps:
-            x, y = np.floor((self.positions[step].T + 0.5) * fine)
-            places = x * 2.0**26 + y
-            shares.append(1.0 - np.isin(places[held_out], places[~held_out]).mean())
-        if (unseen := np.mean(shares)) > MOST_UNSEEN:
-            warnings.warn(
-                f"{len(self):,} tracks are few: of a quarter held out, {unseen:.0%} are where no "
-                "other track is, so a plan promises more than it finds; take more tracks",
-                stacklevel=4,
-            )
-
     @property
-    def _some_steps(self) -> list[int]:
+    def some_steps(self) -> list[int]:
+        """A few steps from the first to the last."""
         return sorted({round(self.steps * part / 8) for part in range(9)})
-
-    # Plans.
-
-    def found(
-        self, policy: Any, scenario: Scenario | None = None, *, drones_positions: object = None
-    ) -> float:
-        """The share of these tracks that a policy or a plan finds by the time limit.
-
-        Compare it, for tracks that were held out from the fit, with the success that is promised.
-        A plan is the actions of all drones: integers of shape (steps, n_drones). The scenario, for
-        one person, is by default the policy's; `drones_positions` are as for `reset`.
-        """
-        from DroneSwarmSearch.evaluation.rollout import searches_of
-        from DroneSwarmSearch.scenario import checked_scenario
-
-        search = checked_scenario(scenario or getattr(policy, "scenario", None))
-        missed, size = self.weights.copy(), search.grid_size
-        for step, cells in enumerate(searches_of(policy, search, drones_positions)):
-            x, y = fine_cells(self.positions[min(step, self.steps)], size, 1)
-            missed[np.isin(y * size + x, cells)] *= 1.0 - search.detections[0]
-        return 1.0 - float(missed.sum())
 
     # Files.
 
@@ -329,6 +275,60 @@ class Tracks:
         if tracks.to_dict()["sha256"] != digest:
             raise ValueError(f"{file} must be as it was when its SHA-256 was saved; it has changed")
         return tracks
+
+
+class TrackDrift(KnownDrift):
+    """Tracks, and how exactly a person follows them; see `Person` for the arguments."""
+
+    def __init__(self, tracks: Tracks, fine: int = 2, classes: int = 1) -> None:
+        self.tracks = tracks
+        self.fine = checks.integer("fine", fine, 1, 4)
+        self.classes = checks.integer("classes", classes, 1)
+        self.key = tracks, self.fine, self.classes
+        self.vector = tracks.vector
+        self.outline = f" from {len(tracks):,} tracks"
+        self._check_number(tracks, self.fine)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), self.key
+
+    def __eq__(self, other: object) -> bool:
+        return self.key == other.key if isinstance(other, TrackDrift) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __repr__(self) -> str:
+        return f"TrackDrift({self.tracks!r}, fine={self.fine}, classes={self.classes})"
+
+    def check(self, grid_size: int, timestep_limit: int, name: str) -> None:
+        if self.tracks.steps < timestep_limit:
+            raise ValueError(
+                f"timestep_limit must be at most {self.tracks.steps}, the steps of the tracks of "
+                f"{name}, got {timestep_limit}"
+            )
+
+    def mass_beyond(self, grid_size: int, step: int) -> float:
+        return self.tracks.mass_beyond(grid_size, step)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"tracks": self.tracks.to_dict(), "fine": self.fine, "classes": self.classes}
+
+    @staticmethod
+    def _check_number(tracks: Tracks, fine: int) -> None:
+        """Warn if the tracks are too few for cells of `fine` by `fine` parts."""
+        shares, held_out = [], np.zeros(len(tracks), np.bool_)
+        held_out[np.random.default_rng(0).permutation(len(tracks))[: -(-len(tracks) // 4)]] = True
+        for step in tracks.some_steps:
+            x, y = np.floor((tracks.positions[step].T + 0.5) * fine)
+            places = x * 2.0**26 + y
+            shares.append(1.0 - np.isin(places[held_out], places[~held_out]).mean())
+        if (unseen := np.mean(shares)) > MOST_UNSEEN:
+            warnings.warn(
+                f"{len(tracks):,} tracks are few: of a quarter held out, {unseen:.0%} are where no "
+                "other track is, so a plan promises more than it finds; take more tracks",
+                stacklevel=5,
+            )
 
 
 def _without_gaps(positions: Floats) -> tuple[Floats, int]:

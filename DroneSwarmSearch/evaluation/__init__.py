@@ -8,14 +8,16 @@ print(mine.success, mine.time, compare(mine, greedy))
 """
 
 from DroneSwarmSearch._internal.files import StorageError
+from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.evaluation.board import leaderboard
 from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.exporting import export
 from DroneSwarmSearch.evaluation.recording import Video, record
 from DroneSwarmSearch.evaluation.results import Comparison, Evaluation, compare, save_csv
+from DroneSwarmSearch.evaluation.rollout import share_found
 from DroneSwarmSearch.evaluation.run import evaluate
 from DroneSwarmSearch.evaluation.statistics import Estimate
-from DroneSwarmSearch.evaluation.suite import SUITE, NamedSearch, search
+from DroneSwarmSearch.evaluation.suite import SUITE, search
 from DroneSwarmSearch.layouts.view import View
 
 __all__ = [
@@ -35,4 +37,5 @@ __all__ = [
     "record",
     "save_csv",
     "search",
+    "share_found",
 ]

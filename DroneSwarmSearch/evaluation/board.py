@@ -15,7 +15,7 @@ from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds, save_c
 from DroneSwarmSearch.evaluation.run import Case, check_names, evaluate_cases
 from DroneSwarmSearch.evaluation.statistics import ROUNDING, Estimate, difference, mean_of
 from DroneSwarmSearch.evaluation.suite import SUITE, as_named
-from DroneSwarmSearch.evaluation.tables import figure, percent
+from DroneSwarmSearch.evaluation.text_tables import figure, percent
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.policies import POLICIES
 

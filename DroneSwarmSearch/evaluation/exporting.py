@@ -17,11 +17,12 @@ import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch._internal.progress import progress
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.evaluation.stage import prepared, view_of
-from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.evaluation.suite import as_named
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
 

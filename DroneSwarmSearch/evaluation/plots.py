@@ -25,7 +25,7 @@ from DroneSwarmSearch._internal.files import write_bytes
 from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds
 
 WIDTH = 5.2  # the width of a plot in inches: narrow, so that its text is legible on a phone
-STYLES = Path(__file__).parent
+STYLES = "DroneSwarmSearch.evaluation"
 
 # In the order of the colours of the styles, the same in every plot; others have those after.
 POLICIES = (
@@ -42,7 +42,7 @@ def save(draw: Draw, evaluations: Sequence[Evaluation], path: Path) -> list[Path
     """Write a plot as `<path>-light.svg` and `<path>-dark.svg`, whatever the user's settings."""
     written = []
     for theme in ("light", "dark"):
-        content, sheets = io.BytesIO(), [STYLES / f"{each}.mplstyle" for each in ("plots", theme)]
+        content, sheets = io.BytesIO(), [f"{STYLES}.{each}" for each in ("plots", theme)]
         with style.context(["default", *sheets]):
             draw(evaluations).savefig(
                 content, format="svg", metadata={"Date": None, "Creator": None}

@@ -16,10 +16,10 @@ from typing import Any
 
 from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch._internal.extras import needed
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.policies.imitation import ImitationPolicy, Network
-from DroneSwarmSearch.scenario import Scenario
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,12 @@ from pathlib import Path
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.progress import progress
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.stage import PolicyLike, prepared, steering, view_of
-from DroneSwarmSearch.evaluation.suite import NamedSearch, as_named
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.evaluation.suite import as_named
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.rendering.palette import PALETTES, Look
 from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video

@@ -12,15 +12,16 @@ from typing import Any
 
 import numpy as np
 
-import DroneSwarmSearch
+from DroneSwarmSearch import __version__
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.files import write_text
+from DroneSwarmSearch.bound.success import SuccessBound
+from DroneSwarmSearch.core.named_search import NamedSearch
+from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.evaluation.episodes import Episodes, Reliability
 from DroneSwarmSearch.evaluation.statistics import Estimate, bounded_mean, difference
-from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch
+from DroneSwarmSearch.evaluation.suite import SUITE_VERSION
 from DroneSwarmSearch.layouts.view import View
-from DroneSwarmSearch.planning.bound import SuccessBound
-from DroneSwarmSearch.rules import Ending
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +168,7 @@ class Evaluation:
     def summary(self) -> dict[str, Any]:
         """The estimates as one row of a table, with "" for what does not apply."""
         row: dict[str, Any] = {
-            "package": DroneSwarmSearch.__version__,
+            "package": __version__,
             "suite": SUITE_VERSION,
             "policy": self.policy,
             "search": self.search.name,

@@ -9,12 +9,14 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch.core.named_search import NamedSearch
+from DroneSwarmSearch.core.rules import Action, RewardScheme
+from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
+from DroneSwarmSearch.drift.chain import fine_cells
+from DroneSwarmSearch.drift.tracks import Tracks
 from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Episodes
 from DroneSwarmSearch.evaluation.stage import PolicyLike, Stage, reset_policy
-from DroneSwarmSearch.evaluation.suite import NamedSearch
 from DroneSwarmSearch.layouts.view import View
-from DroneSwarmSearch.rules import Action, RewardScheme
-from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.engine import SearchBatch
 
 
@@ -52,7 +54,33 @@ def play(
     return Episodes.joined(parts)
 
 
-def searches_of(policy: Any, scenario: Scenario, drones_positions: Any = None) -> Iterator[Ints]:
+def share_found(
+    tracks: Tracks,
+    policy: Any,
+    scenario: Scenario | None = None,
+    *,
+    drones_positions: object = None,
+) -> float:
+    """The share of some tracks that a policy or a plan finds by the time limit.
+
+    Compare it, for tracks that were held out from the fit, with the success that is promised.
+
+    Args:
+        tracks: at least as many steps as the scenario has.
+        policy: a policy for `scenario`, or a plan, the actions of all drones: integers of shape
+            (steps, n_drones).
+        scenario: of one person; by default the policy's.
+        drones_positions: as for `DroneSwarmSearch.reset`.
+    """
+    search = checked_scenario(scenario or getattr(policy, "scenario", None))
+    missed, size = tracks.weights.copy(), search.grid_size
+    for step, cells in enumerate(_searches_of(policy, search, drones_positions)):
+        x, y = fine_cells(tracks.positions[min(step, tracks.steps)], size, 1)
+        missed[np.isin(y * size + x, cells)] *= 1.0 - search.detections[0]
+    return 1.0 - float(missed.sum())
+
+
+def _searches_of(policy: Any, scenario: Scenario, drones_positions: Any) -> Iterator[Ints]:
     """The cells that a policy, or the actions of a plan, (steps, n), search in each step.
 
     Nobody is found on the way. The policy sees what `DroneSwarmSearch` shows.

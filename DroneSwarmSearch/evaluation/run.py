@@ -8,8 +8,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import DroneSwarmSearch
+from DroneSwarmSearch import __version__
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.bound.success import SuccessBound, success_bound
+from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.parallel import finished
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
@@ -17,9 +19,8 @@ from DroneSwarmSearch.evaluation.results import Evaluation
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.run_folder import RunFolder
 from DroneSwarmSearch.evaluation.stage import copied, prepared, view_of
-from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, NamedSearch, as_named
+from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, as_named
 from DroneSwarmSearch.layouts.view import View
-from DroneSwarmSearch.planning.bound import SuccessBound, success_bound
 from DroneSwarmSearch.policies import SwarmPolicy
 
 # Episodes played together by a fresh copy of the policy: results are the same for any workers.
@@ -190,7 +191,7 @@ def manifest(
     seed: int | None = None,
 ) -> dict[str, Any]:
     """Everything that the bounds of some searches, and the results of some cases, depend on."""
-    entries = {"package": DroneSwarmSearch.__version__, "suite": SUITE_VERSION}
+    entries = {"package": __version__, "suite": SUITE_VERSION}
     entries |= {f"search {each.name}": each.with_posterior(False).fingerprint for each in searches}
     for case in cases:
         source = {**(case.spec.source or {"policy": "in memory"}), **asdict(case.view)}

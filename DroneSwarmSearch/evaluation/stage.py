@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Ints
-from DroneSwarmSearch.actions import checked_actions, read_actions
+from DroneSwarmSearch.core.actions import checked_actions, read_actions
+from DroneSwarmSearch.core.grid import Grid
+from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.suite import NamedSearch
-from DroneSwarmSearch.grid import grid_of
 from DroneSwarmSearch.layouts.view import FORMS, View
 from DroneSwarmSearch.policies import BatchPolicy
 from DroneSwarmSearch.vector.engine import SearchBatch
@@ -111,7 +111,7 @@ class Stage:
         self._batch, self._view = batch, view
         scenario, joint = batch.scenario_of(0), view.form != "drone"
         self._names = tuple(f"drone{i}" for i in range(scenario.n_drones))
-        self._neighbours, _ = grid_of(scenario.grid_size)
+        self._neighbours = Grid.of(scenario.grid_size).neighbours
         self._observations = BatchObservations(
             batch, view.observation, joint, TOP_CELLS, True, view.masks
         )

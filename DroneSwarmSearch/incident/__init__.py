@@ -19,7 +19,7 @@ On the command line, ``droneswarmsearch plan`` does the same.
 
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 from DroneSwarmSearch.incident.flights import Waypoint
+from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.patterns import Pattern
-from DroneSwarmSearch.incident.report import Incident
 
 __all__ = ["FlightPlan", "Incident", "Pattern", "Waypoint"]

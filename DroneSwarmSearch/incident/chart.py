@@ -11,18 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch._internal.files import write_bytes
+from DroneSwarmSearch.drift.leeway import KNOT
 from DroneSwarmSearch.drift.plane import TangentPlane
-from DroneSwarmSearch.evaluation.plots import STYLES
 from DroneSwarmSearch.incident import units
 from DroneSwarmSearch.incident.flights import track
-from DroneSwarmSearch.leeway import KNOT
+from DroneSwarmSearch.incident.planned_flights import PlannedFlights
 from DroneSwarmSearch.rendering.palette import INK, drone_colour, readable_on
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from DroneSwarmSearch.incident.flight_plan import FlightPlan
 
 PAGE, SHEET = np.array([[595.0, 842.0], [515.0, 470.0]])  # the page and the map, in points
 PER_SHEET = 6
@@ -47,11 +46,10 @@ STYLE = {
 }
 
 
-def save(plan: FlightPlan, folder: Path) -> None:
+def save(plan: PlannedFlights, folder: Path) -> None:
     """Write `map.png`, 1,322 pixels wide, and `map.svg`, and perhaps more sheets, `map2.png`..."""
-    from matplotlib import style
-
-    with style.context(["default", STYLES / "light.mplstyle", STYLE]):
+    style = needed("matplotlib.style", "the map needs the package matplotlib", "plan")
+    with style.context(["default", "DroneSwarmSearch.evaluation.light", STYLE]):
         for sheet, first in enumerate(range(0, len(plan.flights), PER_SHEET), 1):
             figure = draw(plan, range(first, min(first + PER_SHEET, len(plan.flights))))
             for kind, metadata in (("png", {}), ("svg", {"Date": None, "Creator": None})):
@@ -61,7 +59,7 @@ def save(plan: FlightPlan, folder: Path) -> None:
                 write_bytes(folder / name, content.getvalue())
 
 
-def draw(plan: FlightPlan, drones: Sequence[int]) -> Figure:
+def draw(plan: PlannedFlights, drones: Sequence[int]) -> Figure:
     """Draw the flights of some drones over the areas where the person may be; north is up.
 
     Lines enclose the smallest areas that hold 50% and 90% of the probability if nobody searches,
@@ -155,7 +153,7 @@ def draw(plan: FlightPlan, drones: Sequence[int]) -> Figure:
     return figure
 
 
-def _table(figure: Figure, plan: FlightPlan, drones: Sequence[int]) -> None:
+def _table(figure: Figure, plan: PlannedFlights, drones: Sequence[int]) -> None:
     """The orders of the drones, in columns as wide as their longest line."""
     axes = figure.add_axes((50 / PAGE[0], 80 / PAGE[1], SHEET[0] / PAGE[0], 105 / PAGE[1]))
     axes.axis("off")
@@ -180,7 +178,7 @@ def _table(figure: Figure, plan: FlightPlan, drones: Sequence[int]) -> None:
         cell.set_height(0.18 if row == 0 else 0.12)
 
 
-def _areas(axes: Any, plan: FlightPlan) -> tuple[list[Floats], list[Floats]]:
+def _areas(axes: Any, plan: PlannedFlights) -> tuple[list[Floats], list[Floats]]:
     """Draw the first map, and the areas at start and end; return means and corners in metres."""
     means: list[Floats] = []
     corners: list[Floats] = []

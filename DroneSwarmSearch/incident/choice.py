@@ -22,7 +22,7 @@ from DroneSwarmSearch.incident.patterns import (
     Pattern,
     ground_speed,
 )
-from DroneSwarmSearch.incident.report import Incident
+from DroneSwarmSearch.incident.report import Report
 
 POPULATION, GENERATIONS = 8, 25
 """Of a run of CMA-ES."""
@@ -65,7 +65,7 @@ class Area:
         particles: possible persons in it.
     """
 
-    def __init__(self, incident: Incident, particles: Particles) -> None:
+    def __init__(self, incident: Report, particles: Particles) -> None:
         self._incident, self._particles = incident, particles
         self.drones = [incident.drone(number) for number in range(incident.drones)]
         self._start = incident.seconds(incident.start)

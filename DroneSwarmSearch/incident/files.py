@@ -11,7 +11,7 @@ from datetime import datetime
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +19,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.files import write_bytes, write_text
 from DroneSwarmSearch.incident.flights import Flight, Waypoint, in_utc, track
-
-if TYPE_CHECKING:
-    from DroneSwarmSearch.incident.flight_plan import FlightPlan
+from DroneSwarmSearch.incident.planned_flights import PlannedFlights
 
 COLOURS = ["e69f00", "56b4e9", "009e73", "f0e442", "0072b2", "d55e00", "cc79a7", "000000"]
 """Of drones, from M. Okabe and K. Ito, Color universal design, 2008."""
@@ -32,7 +30,7 @@ MAP = 230, 0, 130
 Line = list[tuple[float, float]]
 
 
-def save(plan: FlightPlan, folder: Path) -> None:
+def save(plan: PlannedFlights, folder: Path) -> None:
     """Write plan.gpx, plan.kml with its map overlay.png, plan.geojson and plan.csv."""
     overlays = _write_overlays(plan, folder)
     for name, root in (("plan.gpx", _gpx(plan)), ("plan.kml", _kml(plan, overlays))):
@@ -86,7 +84,7 @@ PARSERS: dict[str, Any] = {
 """How to read the columns that become a `Waypoint`, and what they must be."""
 
 
-def _gpx(plan: FlightPlan) -> ET.Element:
+def _gpx(plan: PlannedFlights) -> ET.Element:
     """GPX 1.1, with a route for each drone."""
     space = {"xmlns": "http://www.topografix.com/GPX/1/1", "version": "1.1"}
     root = ET.Element("gpx", space, creator="DroneSwarmSearch")
@@ -99,7 +97,7 @@ def _gpx(plan: FlightPlan) -> ET.Element:
     return root
 
 
-def _kml(plan: FlightPlan, overlays: dict[str, dict[str, float]]) -> ET.Element:
+def _kml(plan: PlannedFlights, overlays: dict[str, dict[str, float]]) -> ET.Element:
     """KML 2.2, with flights, waypoints, and the map at the start of the search."""
     root = ET.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
     document = _add(root, "Document", name="flight plan", description=plan.incident.sentence)
@@ -126,7 +124,7 @@ def _kml(plan: FlightPlan, overlays: dict[str, dict[str, float]]) -> ET.Element:
     return root
 
 
-def _write_overlays(plan: FlightPlan, folder: Path) -> dict[str, dict[str, float]]:
+def _write_overlays(plan: PlannedFlights, folder: Path) -> dict[str, dict[str, float]]:
     """Write the map at the start as PNG, in two parts at the date line; its edges, by file.
 
     The edges are the parallels and meridians through the middles of the map's edges. Up to d
@@ -155,7 +153,7 @@ def _write_overlays(plan: FlightPlan, folder: Path) -> dict[str, dict[str, float
     return edges
 
 
-def _features(plan: FlightPlan) -> list[dict[str, Any]]:
+def _features(plan: PlannedFlights) -> list[dict[str, Any]]:
     """GeoJSON features: the last known position, and a line and the waypoints of each drone."""
     features = [_feature("Point", plan.incident.position[::-1], name="last known position")]
     for drone, flight in enumerate(plan.flights):
@@ -172,7 +170,7 @@ def _features(plan: FlightPlan) -> list[dict[str, Any]]:
     return features
 
 
-def _csv(plan: FlightPlan) -> str:
+def _csv(plan: PlannedFlights) -> str:
     """A row for each waypoint; speed and searching are those of the leg that begins there."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
@@ -194,7 +192,7 @@ def _utc(time: datetime) -> str:
     return time.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-def _legs(plan: FlightPlan, flight: Flight) -> Floats:
+def _legs(plan: PlannedFlights, flight: Flight) -> Floats:
     """The lengths of the legs in metres."""
     points = track(flight, plan.incident.plane)
     lengths: Floats = np.hypot(*np.diff(points, axis=0).T)

@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from DroneSwarmSearch._internal.files import write_text
-
-if TYPE_CHECKING:
-    from DroneSwarmSearch.incident.flight_plan import FlightPlan
+from DroneSwarmSearch.incident.planned_flights import PlannedFlights
 
 TAKE_OFF, CHANGE_SPEED, WAYPOINT, RETURN = 22, 178, 16, 20
 """Commands of MAVLink; the last one returns to the launch."""
@@ -29,7 +27,7 @@ class Item(NamedTuple):
     params: list[Any]
 
 
-def save(plan: FlightPlan, folder: Path) -> None:
+def save(plan: PlannedFlights, folder: Path) -> None:
     """Write drone0.plan and drone0.waypoints, and the same for all other drones."""
     airspeed = plan.incident.speed
     for number, flight in enumerate(plan.flights):

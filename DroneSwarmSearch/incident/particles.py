@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
-from DroneSwarmSearch.leeway import ObjectClass
+from DroneSwarmSearch.drift.leeway import ObjectClass
 
 Flow = Callable[[Any, Floats], Floats]
 """The velocity of wind or water, (east, north) in m/s, (2, 1) or (2, n), at a time in seconds and

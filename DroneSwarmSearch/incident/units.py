@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from DroneSwarmSearch.leeway import KNOT
+from DroneSwarmSearch.drift.leeway import KNOT
 
 Pair = tuple[float, float]
 Units = Mapping[str, float]

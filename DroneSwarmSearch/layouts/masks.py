@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Ints
-from DroneSwarmSearch.grid import Neighbours
-from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours_of_all
+from DroneSwarmSearch.core.grid import OFF_GRID, CellTable, Grid
+from DroneSwarmSearch.core.rules import Action
 
 
 def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -> Flags:
@@ -64,7 +64,7 @@ def mask_space(n_drones: int | None = None) -> spaces.Box:
 
 
 def swarm_masks(
-    cells: list[int], neighbours: Neighbours, right_of_way: bool
+    cells: list[int], neighbours: CellTable[tuple[int, ...]], right_of_way: bool
 ) -> list[NDArray[np.int8]]:
     """`action_masks` for a single swarm: each drone's mask, int8, shape (6,); new arrays."""
     closed, blocked = {OFF_GRID, *cells}, bytearray()
@@ -117,7 +117,5 @@ def _closed(cells: NDArray[np.integer], grid_size: int) -> Flags:
 @lru_cache(maxsize=16)
 def _targets(grid_size: int) -> Ints:
     """The target of each action, [cell, action]; the index after the last cell is off the grid."""
-    targets = neighbours_of_all(grid_size)
-    targets[targets == OFF_GRID] = grid_size**2
-    targets.flags.writeable = False
-    return targets
+    targets = Grid.of(grid_size).targets
+    return np.where(targets == OFF_GRID, grid_size**2, targets)

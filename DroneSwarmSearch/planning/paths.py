@@ -15,12 +15,12 @@ why they *stay*, and may move in the next.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch.core.grid import neighbours_in_box
 
 FORBIDDEN = -np.inf
 """The value of a cell that a drone must not be in."""
@@ -101,7 +101,7 @@ def best_paths(
         search, (n, m).
     """
     n, _, height, width = gains.shape
-    ahead_of, first = _neighbours(height, width), which * (height * width)
+    ahead_of, first = neighbours_in_box(height, width), which * (height * width)
     cells, searches = np.empty((n + 1, len(starts)), np.int64), np.zeros((n, len(starts)), np.bool_)
     cells[0] = here = starts
     again = gains if again is None else again
@@ -117,16 +117,3 @@ def best_paths(
         searches[step] = just_searched & (gain > 0.0)
         cells[step + 1] = here = ahead[chosen, np.arange(len(here))]
     return cells, searches
-
-
-@lru_cache(maxsize=256)
-def _neighbours(height: int, width: int) -> Ints:
-    """Each cell itself, and those to its left, to its right, above and below: (5, h * w).
-
-    At the border, a cell stands for its neighbours off the grid.
-    """
-    y, x = np.mgrid[:height, :width].reshape(2, -1)
-    left, right = np.maximum(x - 1, 0), np.minimum(x + 1, width - 1)
-    up, down = np.maximum(y - 1, 0), np.minimum(y + 1, height - 1)
-    here: Ints = y * width
-    return np.array([here + x, here + left, here + right, up * width + x, down * width + x])

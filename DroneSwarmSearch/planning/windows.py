@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch.core.grid import Grid
 from DroneSwarmSearch.planning.passes import Passes
 
 
@@ -32,7 +33,7 @@ class Boxes(NamedTuple):
 
         A goal of -1 stands for all cells within reach.
         """
-        slack = np.where(goals < 0, moves, (moves - distance(starts, goals, size)) // 2)
+        slack = np.where(goals < 0, moves, (moves - Grid.of(size).distance(starts, goals)) // 2)
         goals = np.where(goals < 0, starts, goals)
         first: list[Ints] = []
         lengths: list[int] = []
@@ -63,12 +64,6 @@ class Boxes(NamedTuple):
         by_column = abs(self.left - self.left[box]) < self.width
         meets: Flags = by_row & by_column
         return meets
-
-
-def distance(cells: Any, others: Any, size: int) -> Any:
-    """The moves from cells to others."""
-    (y, x), (to_y, to_x) = np.divmod(cells, size), np.divmod(others, size)
-    return abs(to_y - y) + abs(to_x - x)
 
 
 class Window:

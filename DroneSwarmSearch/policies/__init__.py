@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from DroneSwarmSearch._internal.errors import did_you_mean
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.policies.base import BatchPolicy, SwarmPolicy
 from DroneSwarmSearch.policies.greedy import (
     ForecastGreedyPolicy,
@@ -30,7 +31,6 @@ from DroneSwarmSearch.policies.patterns import (
 )
 from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.policies.random_policy import RandomPolicy
-from DroneSwarmSearch.scenario import Scenario
 
 __all__ = ["POLICIES", "BatchPolicy", "GreedyPolicy", "ImitationPolicy", "SwarmPolicy", "make"]
 

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Integers, Singles
+from DroneSwarmSearch.core.grid import moves_between
+from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.layouts.crops import LENGTH, SCALES, WINDOW, CropsLayout
 from DroneSwarmSearch.policies.greedy import (
     CLAIMED,
@@ -21,7 +23,6 @@ from DroneSwarmSearch.policies.greedy import (
     claimed_in_turn,
     worthwhile,
 )
-from DroneSwarmSearch.rules import Action
 
 NEAR, FAR = DISCOUNT, 0.9
 """Factors on success for each step of the way: for the best cell, and for a wider view."""
@@ -181,7 +182,7 @@ class Arrivals:
             scores[:, place] = np.log(np.maximum(relative, np.float32(LEAST))) / 2
         down, right = claims.reshape(-1) // size - y, claims.reshape(-1) % size - x
         scores[:, -1, :4] = np.stack([right, down, -right, -down], 1) > 0
-        scores[:, -1, 4] = (np.abs(down) + np.abs(right)) / np.float32(size)
+        scores[:, -1, 4] = moves_between(right, down) / np.float32(size)
 
         drift_x, drift_y = self._drift(ahead)
         drift = np.stack([drift_x, drift_y, -drift_x, -drift_y], 1)

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints, Singles
-from DroneSwarmSearch.observations import Observation
-from DroneSwarmSearch.scenario import Cell, Scenario, checked_scenario
+from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core.observations import Observation
+from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
 
 _NO_GROUP = -1
 
@@ -58,7 +59,7 @@ class BatchPolicy(ABC):
         seen = [observation["observation"] for observation in observations.values()]
         positions, matrices = np.array([[cell for cell, _ in seen]]), seen[0][1][None]
         self._check_shape("observations", positions, self.scenario.n_drones, 2)
-        self._check_shape("matrix", matrices, *self._grid)
+        self._check_shape("matrix", matrices, *[self.scenario.grid_size] * 2)
         actions: list[int] = self._act(np.zeros(1, np.int64), positions, matrices)[0].tolist()
         return dict(zip(observations, actions, strict=True))
 
@@ -85,10 +86,6 @@ class BatchPolicy(ABC):
     def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:
         """`reset`; the arguments are valid."""
 
-    @property
-    def _grid(self) -> tuple[int, int]:
-        return self.scenario.grid_size, self.scenario.grid_size
-
     def _checked(
         self, observations: Mapping[str, NDArray[Any]]
     ) -> tuple[Ints, NDArray[np.integer], Singles]:
@@ -101,7 +98,7 @@ class BatchPolicy(ABC):
             raise TypeError(f"positions must be integers, got {positions.dtype}")
         self._check_shape("positions", positions, self.scenario.n_drones, 2)
         matrices = np.asarray(observations["probability_matrix"], np.float32)
-        self._check_shape("probability_matrix", matrices, *self._grid)
+        self._check_shape("probability_matrix", matrices, *[self.scenario.grid_size] * 2)
         rows = _checked_rows("row", observations.get("row", np.arange(len(positions))))
         for name, array in (("probability_matrix", matrices), ("row", rows)):
             if len(array) != len(positions):

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Singles
+from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core.rules import Action
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.belief import Belief, mean_over_missing
-from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.scenario import Cell, Scenario
 
 MOST_SETS = 4096
 """How many sets of found persons are compared with the matrix, smallest first."""

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from DroneSwarmSearch import rules
-from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.scenario import Cell
+from DroneSwarmSearch.core.grid import MOVES, Cell
+from DroneSwarmSearch.core.rules import Action
 
-MOVES: dict[Cell, Action] = dict(zip(rules.MOVES, Action, strict=True))
-"""The action that moves a drone by (x, y); IDLE by (0, 0)."""
+ACTION_OF: dict[Cell, Action] = {(0, 0): Action.IDLE, **dict(zip(MOVES, Action, strict=False))}
+"""The action that moves a drone by (x, y)."""
 
 
 def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cell]:

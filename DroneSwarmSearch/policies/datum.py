@@ -9,7 +9,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.policies.tracks import Rectangle
+from DroneSwarmSearch.policies.pattern_tracks import Rectangle
 
 REACH = 2.0
 """Standard deviations from the datum to each side: 91% of a normal distribution is inside."""

@@ -16,11 +16,12 @@ from typing import TypeVar
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
+from DroneSwarmSearch.core.grid import Cell, moves_between
+from DroneSwarmSearch.core.rules import Action
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
-from DroneSwarmSearch.policies.conflicts import MOVES
-from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.policies.conflicts import ACTION_OF
 
 DISCOUNT = 0.7
 """Factor on the value of a success for every step that it comes later."""
@@ -133,7 +134,7 @@ class GreedyPolicy(_Greedy):
 
     def begin(self) -> Floats:
         """The fraction by which recent searches lower each cell's value, shape (N, N)."""
-        return np.zeros(self._grid)
+        return np.zeros([self.scenario.grid_size] * 2)
 
     def choose(self, memory: Floats, cells: list[Cell], matrix: Singles) -> list[Action]:
         values = matrix.astype(np.float64) * (1.0 - memory)
@@ -197,7 +198,7 @@ class ForecastGreedyPolicy(PosteriorGreedyPolicy):
         self, memory: BeliefTracker, cells: list[Cell]
     ) -> tuple[list[tuple[int, Cell]], Floats]:
         x, y = np.array(cells).T[:, :, None, None]
-        distances = abs(self._rows - y) + abs(self._columns - x)  # [drone, y, x]
+        distances = moves_between(self._columns - x, self._rows - y)  # [drone, y, x]
         steps = max(self.scenario.timestep_limit - memory.step - 1, 0)
         steps = min(steps, int(distances.max()))
         outlook = Outlook(memory, steps)
@@ -230,7 +231,7 @@ def _moves(
         nearer = [
             # In a tie the longer leg comes first, which keeps both directions open.
             ((probability[y + dy, x + dx], abs(to_x * dx + to_y * dy)), action, (x + dx, y + dy))
-            for (dx, dy), action in MOVES.items()
+            for (dx, dy), action in ACTION_OF.items()
             if to_x * dx + to_y * dy > 0 and (x + dx, y + dy) not in closed
         ]
         if cells[drone] == target:

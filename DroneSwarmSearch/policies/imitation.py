@@ -12,13 +12,14 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core.rules import Action
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.layouts.masks import choose_in_turn
 from DroneSwarmSearch.policies.arrivals import INPUTS, TURNS, VIEWS, Arrivals
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy
-from DroneSwarmSearch.policies.planned import Act, PlannedPolicy, PlannedSearch, PlannedStep
-from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.policies.open_loop import Act, PlannedPolicy, PlannedSearch, PlannedStep
 
 SAMPLES = 4
 """Simulations with sampled actions before a search."""

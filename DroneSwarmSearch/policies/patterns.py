@@ -17,11 +17,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch.core.grid import Cell, moves_between
+from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
-from DroneSwarmSearch.policies.conflicts import MOVES, resolve_conflicts
+from DroneSwarmSearch.policies.conflicts import ACTION_OF, resolve_conflicts
 from DroneSwarmSearch.policies.datum import REACH, Datum, datums_of
-from DroneSwarmSearch.policies.tracks import (
+from DroneSwarmSearch.policies.pattern_tracks import (
     Rectangle,
     cells_along,
     expanding_square,
@@ -30,8 +32,6 @@ from DroneSwarmSearch.policies.tracks import (
     sector_search,
     strips_of,
 )
-from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.scenario import Cell
 
 Route = list[Cell]
 
@@ -102,7 +102,7 @@ class PatternPolicy(SwarmPolicy):
                 memory.progress[drone].advance()
                 actions.append(Action.SEARCH)
             else:
-                actions.append(MOVES[next_x - x, next_y - y])
+                actions.append(ACTION_OF[next_x - x, next_y - y])
         memory.tracker.update(cells, actions)
         return actions
 
@@ -243,7 +243,7 @@ def _step_towards(goal: Cell, cell: Cell, occupied: set[Cell]) -> Cell:
 
 
 def _steps(cell: Cell, other: Cell) -> int:
-    return abs(cell[0] - other[0]) + abs(cell[1] - other[1])
+    return int(moves_between(other[0] - cell[0], other[1] - cell[1]))
 
 
 def _steps_to_area(cell: Cell, area: Rectangle) -> int:

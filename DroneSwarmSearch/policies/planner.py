@@ -8,9 +8,12 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.progress import progress
+from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core.rules import Action
+from DroneSwarmSearch.core.scenario import Scenario
+from DroneSwarmSearch.planning.joint_plan import Plan, Report
 from DroneSwarmSearch.planning.passes import Target
 from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.planning.plan import Plan, Report
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import (
@@ -19,20 +22,18 @@ from DroneSwarmSearch.policies.greedy import (
     PosteriorGreedyPolicy,
 )
 from DroneSwarmSearch.policies.imitation import ImitationPolicy
+from DroneSwarmSearch.policies.open_loop import (
+    HORIZON,
+    Act,
+    PlannedPolicy,
+    PlannedStep,
+)
 from DroneSwarmSearch.policies.patterns import (
     CreepingLinePolicy,
     ExpandingSquarePolicy,
     ParallelSweepPolicy,
     SectorSearchPolicy,
 )
-from DroneSwarmSearch.policies.planned import (
-    HORIZON,
-    Act,
-    PlannedPolicy,
-    PlannedStep,
-)
-from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.scenario import Cell, Scenario
 
 EARLY_BONUS = 0.01
 """How much more a find in the first step is worth than one in the last, in the choice of paths; of
@@ -90,7 +91,7 @@ class PlannerPolicy(PlannedPolicy):
     def prepare(self, drones_positions: object) -> None:
         """Make the first plan now, so that copies and pickles of the policy include it."""
         starts = self.scenario.drone_cells(drones_positions)
-        self._replan(self.begin(), [self._positions[cell] for cell in starts])
+        self._replan(self.begin(), [self._grid.positions[cell] for cell in starts])
 
     def plan(
         self, tracker: BeliefTracker, cells: list[Cell], rest: Sequence[PlannedStep] = ()
@@ -144,7 +145,7 @@ class PlannerPolicy(PlannedPolicy):
         size = self.scenario.grid_size
         cells = [[y * size + x for x, y in here] for here, _ in steps]
         last = zip(cells[-1], steps[-1][1], strict=True)
-        cells.append([self._neighbours[cell][action] for cell, action in last])
+        cells.append([self._grid.neighbours[cell][action] for cell, action in last])
         searches = [[action == Action.SEARCH for action in actions] for _, actions in steps]
         return [
             Path(*arrays) for arrays in zip(np.array(cells).T, np.array(searches).T, strict=True)
@@ -158,10 +159,10 @@ class PlannerPolicy(PlannedPolicy):
             actions = [
                 int(Action.SEARCH if searching else Action.IDLE)
                 if cell == target
-                else self._neighbours[cell].index(target)
+                else self._grid.neighbours[cell].index(target)
                 for searching, cell, target in zip(searches, here, ahead, strict=True)
             ]
-            steps.append(([self._positions[cell] for cell in here], actions))
+            steps.append(([self._grid.positions[cell] for cell in here], actions))
         return steps
 
 

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import episode_keys, numbers, policy_key
+from DroneSwarmSearch.core.grid import Grid
+from DroneSwarmSearch.core.rules import Action
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.policies.base import BatchPolicy
-from DroneSwarmSearch.rules import Action, neighbours_of_all
-from DroneSwarmSearch.scenario import Scenario
 
 
 class RandomPolicy(BatchPolicy):
@@ -25,7 +26,7 @@ class RandomPolicy(BatchPolicy):
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
-        self._targets = neighbours_of_all(scenario.grid_size)  # [cell, action]
+        self._targets = Grid.of(scenario.grid_size).targets  # [cell, action]
         self._reset(None, 0)
 
     def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:

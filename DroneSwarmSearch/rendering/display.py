@@ -7,7 +7,7 @@ import warnings
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.rendering.palette import Look
 from DroneSwarmSearch.rendering.text import render_text
 

@@ -10,7 +10,7 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.rendering import palette, sprites
 from DroneSwarmSearch.rendering.painter import draw_outcome, to_array
 from DroneSwarmSearch.rendering.palette import GREY, INK, Look

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.core.frame import Frame
 
 
 def drift(frame: Frame) -> tuple[str, list[tuple[str, str]]]:

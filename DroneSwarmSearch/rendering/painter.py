@@ -9,7 +9,8 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.rendering.labels import percent
 from DroneSwarmSearch.rendering.palette import GREY, INK, PAPER, WHITE, Look
 from DroneSwarmSearch.rendering.panel import HEIGHT, WIDTH, draw_panel
@@ -22,7 +23,6 @@ from DroneSwarmSearch.rendering.search_map import (
     outcome_colour,
 )
 from DroneSwarmSearch.rendering.sprites import fitted_line, write
-from DroneSwarmSearch.rules import Ending
 
 # The views, with about the side of a map in pixels: what drones observe; prior and posterior.
 SIDES = {"matrix": 720, "both": 660}

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pygame
 
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering.labels import drift, percent
 from DroneSwarmSearch.rendering.palette import (

@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.grid import OFF_GRID, Grid
+from DroneSwarmSearch.core.rules import Action
 
 SLOWEST, FASTEST = 0.25, 8.0  # factors on the steps per second
 STEP_RATE = 8.0  # steps per second at which single steps and moves by hand are drawn
@@ -224,7 +225,7 @@ class Player:
 def _refusal(frame: Frame, action: Action) -> str:
     """Why drone 0 may not take an action, which would end the episode; empty if it may."""
     (x, y), *others = frame.drones
-    ahead = neighbours(y * frame.grid_size + x, frame.grid_size)[action]
+    ahead = Grid.of(frame.grid_size).neighbours[y * frame.grid_size + x][action]
     if ahead == OFF_GRID:
         return "the grid ends here"
     for number, (x, y) in enumerate(others, 1):

@@ -10,8 +10,9 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.core.frame import HISTORY_STEPS, TRAIL_STEPS, Frame
+from DroneSwarmSearch.core.rules import Ending, is_success
 from DroneSwarmSearch.drift.scale import Scale
-from DroneSwarmSearch.frame import HISTORY_STEPS, TRAIL_STEPS, Frame
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering.labels import tick_stride
 from DroneSwarmSearch.rendering.palette import (
@@ -26,7 +27,6 @@ from DroneSwarmSearch.rendering.palette import (
     drone_colour,
 )
 from DroneSwarmSearch.rendering.sprites import write
-from DroneSwarmSearch.rules import Ending, is_success
 
 # Lengths are in pixels, unless stated otherwise. A share is one of a cell's side.
 LEFT, TOP, RIGHT, BOTTOM = 46, 42, 22, 24  # margins; the first two hold the coordinates

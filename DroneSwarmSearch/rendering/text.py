@@ -12,10 +12,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.rendering.labels import drift, percent, tick_stride
 from DroneSwarmSearch.rendering.palette import shares_of_maximum
-from DroneSwarmSearch.rules import Ending
 
 # From probability 0 to the matrix's maximum; differs from the marks, to be readable behind them.
 RAMP = ".:;=oO%#@"

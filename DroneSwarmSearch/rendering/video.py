@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.files import replacing
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.rendering.palette import Look
 
 SUFFIXES = (".gif", ".mp4")

@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from DroneSwarmSearch.core.named_search import NamedSearch
+from DroneSwarmSearch.core.rules import Ending
+from DroneSwarmSearch.core.scenario import resolve_scenario
 from DroneSwarmSearch.evaluation.recording import record
 from DroneSwarmSearch.evaluation.results import Evaluation, compare, save_csv
 from DroneSwarmSearch.evaluation.run import evaluate
-from DroneSwarmSearch.evaluation.suite import NamedSearch
-from DroneSwarmSearch.evaluation.tables import figure, percent, print_table, signed
+from DroneSwarmSearch.evaluation.text_tables import figure, percent, print_table, signed
 from DroneSwarmSearch.layouts.view import View
-from DroneSwarmSearch.rules import Ending
-from DroneSwarmSearch.scenario import resolve_scenario
 
 TRAINING_TASK: dict[str, Any] = {
     "grid_size": 10,

@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch import rules
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch._internal.streams import GOLDEN, mixed, numbers, stream_keys
-from DroneSwarmSearch.actions import checked_actions
+from DroneSwarmSearch.core import rules
+from DroneSwarmSearch.core.actions import checked_actions
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.grid import OFF_GRID, Grid
+from DroneSwarmSearch.core.observations import state_planes
+from DroneSwarmSearch.core.rules import Action, Ending
+from DroneSwarmSearch.core.scenario import REPLACED, Scenario, resolve_scenario
 from DroneSwarmSearch.drift.belief import mean_over_missing
 from DroneSwarmSearch.drift.persons import Person
-from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.grid import grid_of
-from DroneSwarmSearch.observations import state_planes
-from DroneSwarmSearch.rules import OFF_GRID, Action, Ending
-from DroneSwarmSearch.scenario import REPLACED, Scenario, resolve_scenario
 from DroneSwarmSearch.vector.world import BatchState, Catalogue
 
 Situations = Sequence[Sequence[Person] | Person]
@@ -130,7 +130,7 @@ class SearchBatch:
         self._row_of = self._rows.repeat(n)  # of each drone
         y, x = np.divmod(np.arange(scenario.grid_size**2, dtype=np.int32), scenario.grid_size)
         self._positions = np.stack([x, y], axis=1)  # of every cell
-        self._neighbours = rules.neighbours_of_all(scenario.grid_size)
+        self._neighbours = Grid.of(scenario.grid_size).targets
         self._counters: Words = np.zeros((4, rows), np.uint64)  # stream keys plus episodes
         self._seeded = np.zeros(rows, np.bool_)
         self._changing = False  # stays True after an interrupted step or reset
@@ -403,7 +403,7 @@ class SearchBatch:
     def frame(self, row: int) -> Frame:
         """Everything that a picture of one row shows, including the persons, but no trails."""
         world, scenario = self._world, self.scenario_of(row)
-        _, positions = grid_of(scenario.grid_size)
+        positions = Grid.of(scenario.grid_size).positions
         missing, ending = world.missing[:, row], self.endings[row]
         finders, find_cells = world.finds[..., row]
         persons = np.where(missing, world.person_cells[:, row], find_cells)

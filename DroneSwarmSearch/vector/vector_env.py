@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
-from DroneSwarmSearch.frame import Frame
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.rules import Action, Ending, successes
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.rendering.display import Display
-from DroneSwarmSearch.rules import Action, Ending, successes
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations, Observations
 

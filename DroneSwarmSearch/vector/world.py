@@ -12,10 +12,10 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, numbers, unit_numbers
+from DroneSwarmSearch.core.rules import COVERED_AT
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.belief import means_over_missing, shown_persons
 from DroneSwarmSearch.drift.model import forecasts_of
-from DroneSwarmSearch.rules import COVERED_AT
-from DroneSwarmSearch.scenario import Scenario
 from DroneSwarmSearch.vector.beliefs import Beliefs
 
 

@@ -30,9 +30,10 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch.core.grid import Grid
 from DroneSwarmSearch.planning.passes import Passes, Target
 from DroneSwarmSearch.planning.paths import FORBIDDEN, Path, best_paths, values_to_go
-from DroneSwarmSearch.planning.windows import Boxes, Window, distance
+from DroneSwarmSearch.planning.windows import Boxes, Window
 
 Report = Callable[[float], None]
 """Is called from time to time with the completed fraction of some work."""
@@ -74,6 +75,7 @@ class Plan:
 
     def __init__(self, targets: Sequence[Target], first: int, paths: Sequence[Path]) -> None:
         self._steps, self._size = len(targets[0].worth), targets[0].belief.shape[-1]
+        self._grid = Grid.of(self._size)
         self.paths = [Path(path.cells.copy(), path.searches.copy()) for path in paths]
         self._passes = [Passes(target, first, self.paths) for target in targets]
         self._boxed = all(target.chain.matrices(first) for target in targets)
@@ -141,7 +143,7 @@ class Plan:
         if is_tail:
             old_goals = goals = np.full_like(goals, -1)
         elif members > 1:
-            can = (distance(starts, goals[:, ::-1], size) <= steps).all(axis=1)
+            can = (self._grid.distance(starts, goals[:, ::-1]) <= steps).all(axis=1)
             exchanges = can & (rng.random(count) < EXCHANGES)
             goals[exchanges] = goals[exchanges, ::-1]
         ways = np.hstack([starts, starts]), np.hstack([old_goals, goals])
@@ -193,7 +195,7 @@ class Plan:
         middle = cells[len(cells) // 2]
         while len(free) > 1:
             drone, free = free[0], free[1:]
-            far = distance(middle[free], middle[drone], self._size)
+            far = self._grid.distance(middle[free], middle[drone])
             if far.min() < len(cells):
                 pairs.append((drone, free[far.argmin()]))
                 free = np.delete(free, far.argmin())

@@ -12,9 +12,9 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch._internal.streams import Streams
+from DroneSwarmSearch.core.rules import COVERED_AT
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.belief import Belief, mean_over_missing
-from DroneSwarmSearch.rules import COVERED_AT
-from DroneSwarmSearch.scenario import Scenario
 
 _FEWEST_AHEAD, _MOST_AHEAD = 8, 32
 """The steps that persons walk at a time, because each call has a fixed cost."""

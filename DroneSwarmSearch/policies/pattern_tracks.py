@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from DroneSwarmSearch.scenario import Cell
+from DroneSwarmSearch.core.grid import Cell
 
 Point = tuple[float, float]
 

@@ -10,9 +10,11 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
-from DroneSwarmSearch import leeway
+from DroneSwarmSearch._internal.extras import needed
+from DroneSwarmSearch.drift import leeway
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
-from DroneSwarmSearch.incident.report import Incident, stronger
+from DroneSwarmSearch.incident.flows import stronger
+from DroneSwarmSearch.incident.incident import Incident
 
 NAMES = {
     "position_sd": "--error",
@@ -79,8 +81,7 @@ class _Words(argparse.Action):
 
 def run(options: argparse.Namespace) -> None:
     """Plan, write the folder, and print one screen."""
-    from DroneSwarmSearch.incident import chart  # noqa: F401 (fails now, and not after planning)
-
+    needed("matplotlib", "the map needs the package matplotlib", "plan")  # not after planning
     try:
         plan = _incident(options).plan()
     except ValueError as error:

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.planning.memory import RememberingDrones
-from DroneSwarmSearch.planning.objectives import TrajectoryObjective
+from DroneSwarmSearch.bound.memory import RememberingDrones
+from DroneSwarmSearch.bound.objectives import TrajectoryObjective
 
 BATCH = 16384
 """Trajectories in a batch of a sample."""

@@ -12,7 +12,7 @@ import copy
 from collections.abc import ItemsView, KeysView, Mapping, ValuesView
 from typing import Any, Generic, TypeVar
 
-from DroneSwarmSearch.rules import Ending, is_success
+from DroneSwarmSearch.core.rules import Ending, is_success
 
 Value = TypeVar("Value")
 Facts = tuple[Ending | None, tuple[int, ...], tuple[int, ...], int, float | None]

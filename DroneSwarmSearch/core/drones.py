@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections import deque
 from operator import add
 
-from DroneSwarmSearch import rules
-from DroneSwarmSearch.frame import HISTORY_STEPS, TRAIL_STEPS
-from DroneSwarmSearch.rules import OFF_GRID, Action, Ending
-from DroneSwarmSearch.scenario import Scenario
-from DroneSwarmSearch.world import WorldState
+from DroneSwarmSearch.core import rules
+from DroneSwarmSearch.core.frame import HISTORY_STEPS, TRAIL_STEPS
+from DroneSwarmSearch.core.grid import OFF_GRID
+from DroneSwarmSearch.core.rules import Action, Ending
+from DroneSwarmSearch.core.scenario import Scenario
+from DroneSwarmSearch.core.world import WorldState
 
 _SEARCH = int(Action.SEARCH)
 

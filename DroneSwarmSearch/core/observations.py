@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from DroneSwarmSearch._internal.arrays import Flags, Ints, Singles
-from DroneSwarmSearch.mappings import Facts, Infos, SuccessInfos
-from DroneSwarmSearch.rules import Action, is_success
-from DroneSwarmSearch.scenario import Cell, Scenario
+from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core.mappings import Facts, Infos, SuccessInfos
+from DroneSwarmSearch.core.rules import Action, is_success
+from DroneSwarmSearch.core.scenario import Scenario
 
 
 class Observation(TypedDict):

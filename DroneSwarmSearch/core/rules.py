@@ -39,10 +39,11 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch.core.grid import OFF_GRID
 
 
 class Action(IntEnum):
-    """The actions of a drone; y increases downward, so UP is towards row 0."""
+    """The actions of a drone, the moves first; y grows downward, so UP is towards row 0."""
 
     LEFT = 0
     RIGHT = 1
@@ -50,13 +51,6 @@ class Action(IntEnum):
     DOWN = 3
     SEARCH = 4
     IDLE = 5
-
-
-MOVES = ((-1, 0), (1, 0), (0, -1), (0, 1), (0, 0), (0, 0))
-"""The step (x, y) of each action, indexed by `Action`."""
-
-OFF_GRID = -1
-"""The target of a move that leaves the grid."""
 
 
 class Ending(IntEnum):
@@ -155,28 +149,6 @@ class RewardScheme:
     def _zeros(cls) -> dict[str, Any]:
         """All figures but `find` as 0."""
         return {each.name: 0.0 for each in fields(cls)[:-1] if each.name != "find"}
-
-
-def neighbours(cell: int, grid_size: int) -> tuple[int, ...]:
-    """The target of each action from a cell, y * grid_size + x; OFF_GRID off the grid."""
-    y, x = divmod(cell, grid_size)
-    inside = range(grid_size)
-    return tuple(
-        (y + dy) * grid_size + x + dx if x + dx in inside and y + dy in inside else OFF_GRID
-        for dx, dy in MOVES
-    )
-
-
-def neighbours_of_all(grid_size: int) -> Ints:
-    """`neighbours` of all cells: int64, (grid_size², 6), or ValueError for lack of memory."""
-    # Four such tables of eight bytes an entry: the result, x, y and the cells.
-    needed = 32 * len(MOVES) * grid_size**2
-    checks.fits("the table of the cells' neighbours", needed, grid_size=grid_size)
-    dx, dy = np.array(MOVES).T
-    y, x = np.divmod(np.arange(grid_size**2)[:, None], grid_size)
-    x, y = x + dx, y + dy
-    inside = (x >= 0) & (x < grid_size) & (y >= 0) & (y < grid_size)
-    return np.where(inside, y * grid_size + x, OFF_GRID)
 
 
 def same_cell(targets: Sequence[int]) -> set[int]:

@@ -9,15 +9,18 @@ from typing import Any, NoReturn
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.grid import Neighbours
-from DroneSwarmSearch.rules import Action
+from DroneSwarmSearch.core.grid import CellTable
+from DroneSwarmSearch.core.rules import Action
 
 _ACTIONS = len(Action)
 _STAYING = bytes((Action.SEARCH, Action.IDLE))
 
 
 def read_actions(
-    actions: Mapping[str, int], names: tuple[str, ...], neighbours: Neighbours, cells: list[int]
+    actions: Mapping[str, int],
+    names: tuple[str, ...],
+    neighbours: CellTable[tuple[int, ...]],
+    cells: list[int],
 ) -> tuple[bytes, list[int]]:
     """Each drone's action and target cell; `cells` themselves if no drone moves."""
     try:

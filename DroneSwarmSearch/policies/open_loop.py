@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Singles
-from DroneSwarmSearch.grid import grid_of
+from DroneSwarmSearch.core.grid import Cell, Grid
+from DroneSwarmSearch.core.rules import Action
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
-from DroneSwarmSearch.rules import Action
-from DroneSwarmSearch.scenario import Cell, Scenario
 
 HORIZON = 500
 """The most steps to plan at once, which bounds time and memory."""
@@ -55,7 +55,7 @@ class PlannedPolicy(SwarmPolicy):
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self._tracker = BeliefTracker(scenario)
-        self._neighbours, self._positions = grid_of(scenario.grid_size)
+        self._grid = Grid.of(scenario.grid_size)
         self._plans: dict[tuple[Any, ...], list[PlannedStep]] = {}
 
     @abstractmethod
@@ -130,4 +130,4 @@ class PlannedPolicy(SwarmPolicy):
         """The drones' cells after a step of actions that keep them on the grid."""
         numbers = (y * self.scenario.grid_size + x for x, y in cells)
         moves = zip(numbers, actions, strict=True)
-        return [self._positions[self._neighbours[cell][action]] for cell, action in moves]
+        return [self._grid.positions[self._grid.neighbours[cell][action]] for cell, action in moves]

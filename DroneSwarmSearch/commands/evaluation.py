@@ -13,15 +13,17 @@ from dataclasses import replace
 from pathlib import Path
 
 from DroneSwarmSearch import policies
-from DroneSwarmSearch.evaluation import board, exporting, recording, suite
+from DroneSwarmSearch.commands.searches import search_on_grid
+from DroneSwarmSearch.core.named_search import NamedSearch
+from DroneSwarmSearch.core.rules import Ending
+from DroneSwarmSearch.evaluation import board, exporting, recording
 from DroneSwarmSearch.evaluation.results import Evaluation, csv_text, save_csv
 from DroneSwarmSearch.evaluation.run import bounds_of, check_names, manifest
 from DroneSwarmSearch.evaluation.run_folder import RunFolder, file_name
-from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION, NamedSearch
-from DroneSwarmSearch.evaluation.tables import WIDTH, figure, percent, print_table
+from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION
+from DroneSwarmSearch.evaluation.text_tables import WIDTH, figure, percent, print_table
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.layouts.view import FORMS, View
-from DroneSwarmSearch.rules import Ending
 
 FAILED, INTERRUPTED = 1, 130  # exit codes; 130 is the shells' code for Ctrl-C
 PACKAGE = Path(__file__).parents[1]
@@ -104,7 +106,7 @@ def bound(options: argparse.Namespace) -> None:
 
 def record(options: argparse.Namespace) -> None:
     """Record a video."""
-    search = suite.search_on_grid(options.search)
+    search = search_on_grid(options.search)
     how = {"view": view_from(options), "fps": options.fps, "palette": options.palette}
     video = recording.record(options.policy, search, options.out, seed=options.seed, **how)
     print(f"{options.out}: {options.policy} searching {search.name}\n{video.last.outcome}")
@@ -112,7 +114,7 @@ def record(options: argparse.Namespace) -> None:
 
 def export(options: argparse.Namespace) -> None:
     """Write episodes as JSON."""
-    search = suite.search_on_grid(options.search)
+    search = search_on_grid(options.search)
     how = {"seeds": options.seeds, "view": view_from(options)}
     data = exporting.export(options.policies, search, options.out, **how)
     count = len(data["episodes"])
@@ -157,7 +159,7 @@ def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leader
 def _searches(options: argparse.Namespace) -> list[NamedSearch]:
     """The searches of the suite or of files, with another mission if one is given."""
     every = [name for each in options.searches for name in (SUITE if each == "all" else [each])]
-    found = [suite.search_on_grid(name) for name in dict.fromkeys(every)]
+    found = [search_on_grid(name) for name in dict.fromkeys(every)]
     check_names("searches", found)
     mission = getattr(options, "mission", None)
     if mission is not None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.drift.scale import Scale
-from DroneSwarmSearch.rules import Ending
 
 __all__ = ["Frame"]
 

@@ -31,9 +31,9 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.drift.persons import MAX_DIFFUSION, Drift, Person, warn_of_mass_beyond
+from DroneSwarmSearch.drift.hypotheses import MAX_DIFFUSION, Drift, displaced
+from DroneSwarmSearch.drift.persons import Person, warn_of_mass_beyond
 from DroneSwarmSearch.drift.scale import Scale
-from DroneSwarmSearch.drift.tables import displaced
 
 __all__ = [
     "CLASSES",
@@ -155,7 +155,7 @@ class ObjectClass:
 
 
 def _load() -> dict[str, ObjectClass]:
-    path = Path(__file__).with_name("drift") / "leeway_classes.csv"
+    path = Path(__file__).with_name("leeway_classes.csv")
     lines = path.read_text("utf-8").splitlines()
     classes = {}
     for row in csv.DictReader(line for line in lines if not line.startswith("#")):

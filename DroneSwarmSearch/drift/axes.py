@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch._internal.erf import erf
-from DroneSwarmSearch.drift.persons import Drift, Person
+from DroneSwarmSearch.drift.hypotheses import Drift, Hypotheses, displaced, rate_at
 
 Array = NDArray[Any]
 Number = TypeVar("Number", float, Array)
@@ -103,27 +103,6 @@ def _rates(values: Sequence[Any]) -> Floats:
     for place, rates in enumerate(series):
         table[: len(rates), 2 * place : 2 * place + 2] = rates
     return table[0] if len(table) == 1 else table
-
-
-def displaced(rates: Floats, tau: Array) -> Floats:
-    """The displacement after tau steps, (..., A), at rates (A,), or at rates of each step, (T, A).
-
-    After the last step of an axis, there may be NaN; its last rate lasts.
-    """
-    displacement: Floats
-    if rates.ndim == 1:
-        displacement = rates * tau
-    else:
-        known, place = _place(rates, tau)
-        sums = np.insert(np.cumsum(rates[:-1], axis=0), 0, 0.0, axis=0)
-        displacement = sums[place] + rates[place] * (tau - known)
-    return displacement
-
-
-def _place(rates: Floats, tau: Array) -> tuple[Array, tuple[Array, ...]]:
-    """The steps before tau with rates of their own, all but the last; and the next rate's index."""
-    known = np.minimum(np.floor(tau), np.isfinite(rates).sum(axis=0) - 1)
-    return known, (known.astype(np.int64), np.arange(rates.shape[1]))
 
 
 def distribution(grid_size: int, axes: Axes, step: Array) -> Floats:
@@ -215,7 +194,7 @@ class Steps(NamedTuple):
 
 def tabulate(
     grid_size: int,
-    persons: Sequence[Person],
+    persons: Sequence[Hypotheses],
     first: int,
     count: int,
     previous: Steps | None,
@@ -248,7 +227,7 @@ def tabulate(
         one = Axes(*(values[..., [axis]] for values in axes))
         targets[..., [axis]] = _mixed_distribution(size, one, steps + 1.0, start)
         rates = np.atleast_2d(one.velocity)
-        shift[:, [axis]] = np.minimum(np.abs(rates[_place(rates, steps)[1]]), 1.0)
+        shift[:, [axis]] = np.minimum(np.abs(rates[rate_at(rates, steps)[1]]), 1.0)
         followed[1:-2, 0, axis] = np.minimum(start.cumsum()[:-1], 1.0)
     if previous is not None:
         followed[:, 0] = previous.cdf

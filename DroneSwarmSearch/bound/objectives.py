@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch.bound.frank_wolfe import line_search
 from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.planning.frank_wolfe import line_search
 
 
 class TrajectoryObjective:

@@ -11,16 +11,16 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints
+from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core.rules import RewardScheme
+from DroneSwarmSearch.drift.axes import dispersion_rate
+from DroneSwarmSearch.drift.hypotheses import Drift
 from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.drift.persons import Drift, Person
-from DroneSwarmSearch.drift.tables import dispersion_rate
-from DroneSwarmSearch.rules import RewardScheme
+from DroneSwarmSearch.drift.models import drift_model
+from DroneSwarmSearch.drift.persons import Person
 
 _DRONE_BYTES = 900
 """Approximate memory of one drone during an episode, including its observations."""
-
-Cell = tuple[int, int]
-"""(x, y): column and row; y grows downward."""
 
 REPLACED = ("vector", "person_initial_position", "disperse_constant", "probability_of_detection")
 """The parameters whose place `persons` takes."""
@@ -109,7 +109,7 @@ class Scenario:
         for name, value in values.items():
             object.__setattr__(self, name, value)
         # Two float32 matrices, and two float64 beliefs for each person and hypothesis.
-        beliefs = sum(len(person.weights) for person in self.persons or ()) or len(cells)
+        beliefs = sum(len(person.drift.weights) for person in self.persons or ()) or len(cells)
         cell_bytes = 8 + 16 * beliefs * self.bayesian_update
         checks.fits("the probability matrices", cell_bytes * size**2, grid_size=size)
         checks.fits("the drones", _DRONE_BYTES * self.n_drones, n_drones=self.n_drones)
@@ -178,12 +178,12 @@ class Scenario:
         """The mean drift of all persons and hypotheses in cells per step, (x, y)."""
         if self.persons is None:
             return self.vector
-        x, y = np.mean([person.vector for person in self.persons], axis=0).tolist()
+        x, y = np.mean([person.drift.vector for person in self.persons], axis=0).tolist()
         return x, y
 
     def forecasts(self) -> tuple[DriftModel, ...]:
         """The drift model of each person."""
-        return tuple(person.model(self.grid_size) for person in self.situation)
+        return tuple(drift_model(person.drift, self.grid_size) for person in self.situation)
 
     @property
     def detections(self) -> tuple[float, ...]:
@@ -200,10 +200,13 @@ class Scenario:
     def mass_beyond_grid(self, step: int) -> float:
         """The probability that a person would be beyond the grid if the drift went on there.
 
-        It is the largest of `Person.mass_beyond`. Above 1% within the time limit, the grid is too
-        small for the drift.
+        It is that of the worst person. Above 1% within the time limit, the grid is too small for
+        the drift.
         """
-        return max(person.mass_beyond(self.grid_size, step) for person in self.situation)
+        beyond: float = max(
+            person.drift.mass_beyond(self.grid_size, step) for person in self.situation
+        )
+        return beyond
 
     def drone_cells(self, drones_positions: object, name: str = "drones_positions") -> list[int]:
         """Validate the drones' different start cells; returns them as numbers, y * N + x.
@@ -282,14 +285,7 @@ def _persons(value: object, grid_size: int, timestep_limit: int) -> tuple[Person
     for index, person in enumerate(persons):
         if not isinstance(person, Person):
             raise TypeError(f"persons[{index}] must be a Person, got {person!r}")
-        person.check_grid(grid_size, f"persons[{index}]")
-        if person.tracks is not None:
-            most = person.tracks.steps
-            if most < timestep_limit:
-                raise ValueError(
-                    f"timestep_limit must be at most {most}, the steps of the tracks of "
-                    f"persons[{index}], got {timestep_limit}"
-                )
+        person.drift.check(grid_size, timestep_limit, f"persons[{index}]")
         checked.append(person)
     return tuple(checked)
 

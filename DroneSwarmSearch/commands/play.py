@@ -10,20 +10,22 @@ from dataclasses import replace
 from pathlib import Path
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.commands.evaluation import add_view, view_from
+from DroneSwarmSearch.commands.searches import search_on_grid
+from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core.grid import OFF_GRID, Grid
+from DroneSwarmSearch.core.named_search import NamedSearch
+from DroneSwarmSearch.core.observations import Observation
+from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.env import DroneSwarmSearch
-from DroneSwarmSearch.evaluation.commands import add_view, view_from
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.recording import record
 from DroneSwarmSearch.evaluation.stage import prepared, steering, view_of
-from DroneSwarmSearch.evaluation.suite import NamedSearch, search_on_grid
-from DroneSwarmSearch.frame import Frame
-from DroneSwarmSearch.observations import Observation
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.palette import PALETTES, Look
 from DroneSwarmSearch.rendering.player import Player, Recording, Score
 from DroneSwarmSearch.rendering.text import WIDTH, print_frames
 from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST
-from DroneSwarmSearch.rules import OFF_GRID, Action, neighbours
 
 USUAL_POLICY = "greedy-forecast"  # as good as any that start at once
 BESIDE_YOU = "greedy-matrix"  # it needs only observations, so it works while you fly drone 0
@@ -116,7 +118,7 @@ class _Episode:
             # Shown drone 0 where its action leads, the policy keeps the others away.
             (x, y), matrix = self._observations["drone0"]["observation"]
             size = len(matrix)
-            ahead = neighbours(y * size + x, size)[action]
+            ahead = Grid.of(size).neighbours[y * size + x][action]
             if ahead != OFF_GRID:
                 y, x = divmod(ahead, size)
             moved: Observation = {"observation": ((x, y), matrix)}

@@ -24,26 +24,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
-from DroneSwarmSearch.planning.trajectories import Trajectories
+from DroneSwarmSearch.bound.trajectories import Trajectories
+from DroneSwarmSearch.core.grid import MOVES, SHIFTS, moves_between
 
 Offset = tuple[int, int] | None
 """A cell (dx, dy) relative to the drone's; None without a search, or out of the drone's reach."""
-
-MOVES = (-1, 0), (1, 0), (0, -1), (0, 1)
-"""The displacements (dx, dy) of a drone: left, right, up, down."""
-
-SHIFTS = tuple(
-    (
-        (
-            ...,
-            slice(max(-dy, 0), -dy if dy > 0 else None),
-            slice(max(-dx, 0), -dx if dx > 0 else None),
-        ),
-        (..., slice(max(dy, 0), dy if dy < 0 else None), slice(max(dx, 0), dx if dx < 0 else None)),
-    )
-    for dx, dy in MOVES
-)
-"""For each move, the cells that a drone can leave, and those in which it then arrives."""
 
 EVERYTHING = slice(None)
 
@@ -241,7 +226,7 @@ class RememberingDrones:
             if age <= number:
                 earlier_y, earlier_x = np.divmod(self._cells[number - age], self._size)
                 dx, dy = earlier_x - x, earlier_y - y
-                near = abs(dx) + abs(dy) < age
+                near = moves_between(dx, dy) < age
                 offset[near] = _code(dx[near], dy[near], self._memory)
             codes, past = _distinct(past * codes_of_offsets + offset)
             before, latest = np.divmod(codes, codes_of_offsets)

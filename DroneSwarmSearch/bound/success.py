@@ -41,20 +41,20 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.planning.frank_wolfe import frank_wolfe
-from DroneSwarmSearch.planning.memory import RememberingDrones
-from DroneSwarmSearch.planning.mirror_ascent import CHECKS, Solution, mirror_ascent
-from DroneSwarmSearch.planning.objectives import MarkovChainObjective, TrajectoryObjective
-from DroneSwarmSearch.planning.paths import best_paths, values_to_go
-from DroneSwarmSearch.planning.trajectories import (
+from DroneSwarmSearch.bound.frank_wolfe import frank_wolfe
+from DroneSwarmSearch.bound.memory import RememberingDrones
+from DroneSwarmSearch.bound.mirror_ascent import CHECKS, Solution, mirror_ascent
+from DroneSwarmSearch.bound.objectives import MarkovChainObjective, TrajectoryObjective
+from DroneSwarmSearch.bound.trajectories import (
     Trajectories,
     chernoff_bound,
     enumerate_trajectories,
     equally_likely,
     sample_trajectories,
 )
-from DroneSwarmSearch.scenario import Scenario, checked_scenario
+from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
+from DroneSwarmSearch.drift.model import DriftModel
+from DroneSwarmSearch.planning.paths import best_paths, values_to_go
 
 SAMPLE = 2**18
 """Trajectories in a sample; with one person, sampling adds at most 0.4 percentage points."""

@@ -1,0 +1,1 @@
+"""Upper bounds on the success of any policy."""

@@ -1,0 +1,37 @@
+"""Searches by the names that the command line accepts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from DroneSwarmSearch.core.named_search import NamedSearch, read_json
+from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
+from DroneSwarmSearch.evaluation.suite import search
+from DroneSwarmSearch.incident.incident import Incident
+
+
+def search_on_grid(name: str) -> NamedSearch:
+    """A search of the suite, or from a file: of a search, or of an incident.
+
+    Warns if persons at sea may drift beyond the grid. Elsewhere the border is a part of the search:
+    persons given by a cell and a vector stop there.
+
+    Raises:
+        ValueError: there is no such search, or the file does not hold one.
+    """
+    found = _of_incident(Path(name)) if name.endswith(".json") else None
+    found = found or search(name)
+    persons, scenario = found.scenario.persons or (), found.scenario
+    warn_of_mass_beyond(persons, scenario.grid_size, scenario.timestep_limit, stacklevel=2)
+    return found
+
+
+def _of_incident(path: Path) -> NamedSearch | None:
+    """The search on a grid for the incident in a file, see `Incident.save`; None for others."""
+    try:
+        if path.is_file() and "swath" in read_json(path):
+            return replace(Incident.read(path).search(), name=path.stem)
+    except (OSError, TypeError, ValueError) as error:
+        raise ValueError(f"{path}: {error}") from error
+    return None

@@ -1,0 +1,1 @@
+"""The search: its parameters, its rules, and the state of an episode."""

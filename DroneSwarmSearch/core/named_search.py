@@ -1,0 +1,131 @@
+"""A search for evaluations: a scenario with start cells, a name and a reason."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.files import write_text
+from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
+from DroneSwarmSearch.drift.scale import Scale
+
+
+@dataclass(frozen=True)
+class NamedSearch:
+    """A search for evaluations: a scenario with start cells, a name and a reason.
+
+    Attributes:
+        name: for tables and files.
+        reason: what the search tests, in a sentence or two.
+        scenario: its parameters.
+        drones: the start cell (x, y) of each drone, all different; empty for the default
+            cells, from (0, 0) to the right, row by row.
+        scale: the size of its cells and the duration of its steps, if it is a search at sea;
+            results do not depend on it.
+
+    Raises:
+        ValueError: `drones` does not fit the scenario.
+    """
+
+    name: str
+    reason: str
+    scenario: Scenario
+    drones: tuple[Cell, ...] = ()
+    scale: Scale | None = None
+
+    def __post_init__(self) -> None:
+        scenario = checked_scenario(self.scenario)
+        size, numbers = scenario.grid_size, list(range(scenario.n_drones))
+        if len(self.drones):
+            numbers = scenario.drone_cells(self.drones, "drones")
+        object.__setattr__(self, "drones", tuple((cell % size, cell // size) for cell in numbers))
+
+    @property
+    def outline(self) -> str:
+        """The main parameters, in a line."""
+        scenario, persons, scale = self.scenario, self.scenario.situation, self.scale
+        width, steps = "", f"{scenario.timestep_limit:,} steps"
+        if scale is not None:
+            width = f" of {scale.metres_per_cell:g} m"
+            minutes = scale.seconds(scenario.timestep_limit) / 60
+            steps += f" of {scale.seconds_per_step:g} s ({minutes:.0f} minutes)"
+        whom = f"{len(persons)} person{'s' * (len(persons) > 1)}"
+        whom += max((person.drift.outline for person in persons), key=len)
+        detections = ", ".join(f"{value:g}" for value in dict.fromkeys(scenario.detections))
+        return (
+            f"{scenario.grid_size} x {scenario.grid_size} cells{width}; "
+            f"{scenario.n_drones} drone{'s' * (scenario.n_drones > 1)}; "
+            f"{'coverage for ' * (scenario.mission == 'coverage')}{whom}; "
+            f"probability of detection {detections}; {steps}"
+        )
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters as keyword arguments of `SearchBatch`."""
+        return {"scenario": self.scenario, "drones_positions": np.array(self.drones)}
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The parameters as plain data for files, without name and reason."""
+        data = self.scenario.to_dict()
+        if self.scenario.persons is None:
+            # Equal searches have equal data, also if one number stands for all persons.
+            data["probability_of_detection"] = list(self.scenario.detections)
+        return {**data, "drones_positions": [list(cell) for cell in self.drones]}
+
+    @property
+    def fingerprint(self) -> str:
+        """A hash of all parameters, 64 hexadecimal digits; files count by content, not by path."""
+        data = self.data
+        for person in data["persons"] or ():
+            if "tracks" in person:
+                person["tracks"] = {**person["tracks"], "file": None}
+        return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the search as a JSON file, which `search` reads.
+
+        Tracks are named by their file. Raises OSError if it cannot be written.
+        """
+        entry = {"name": self.name, "reason": self.reason, **self.data}
+        if self.scale is not None:
+            entry["scale"] = asdict(self.scale)
+        for person in entry["persons"] or ():
+            if person.get("tracks", {}).get("file"):
+                file = os.path.relpath(person["tracks"]["file"], Path(path).parent)
+                person["tracks"] = {**person["tracks"], "file": file}
+        write_text(Path(path), json.dumps(entry, indent=1) + "\n")
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> NamedSearch:
+        """Make a search from an entry of the suite, or the content of a file of `save`."""
+        rest = dict(data)
+        name, reason, scale = rest.pop("name"), rest.pop("reason"), rest.pop("scale", None)
+        given = rest.pop("drones_positions", [])
+        drones: Any = checks.items("drones_positions", given, "a list of cells")
+        scenario = Scenario.from_dict({"n_drones": len(drones), **rest} if drones else rest)
+        return cls(name, reason, scenario, drones, scale and Scale(**scale))
+
+    def with_posterior(self, bayesian_update: object) -> NamedSearch:
+        """Select what drones see: the posterior (True), the prior (False) or the same (None)."""
+        if bayesian_update is None:
+            return self
+        return replace(self, scenario=self.scenario.replace(bayesian_update=bayesian_update))
+
+
+def read_json(path: Path) -> Any:
+    """The content of a JSON file, with the paths of the files of tracks that it names."""
+
+    def located(entry: dict[str, Any]) -> dict[str, Any]:
+        return {**entry, "file": str(path.parent / entry["file"])} if entry.get("file") else entry
+
+    return json.loads(path.read_bytes(), object_hook=located)
