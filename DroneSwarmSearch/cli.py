@@ -118,11 +118,7 @@ examples:
 """,
 }
 
-OWN_POLICY = (
-    "your own: weights.npz of examples/train_imitation.py, model.zip of Stable-Baselines3, "
-    "module:attribute, file.py:attribute or file.py:Class:argument, whose code is executed; "
-    "each also after name="
-)
+OWN_POLICY = "your own: file.py:Class or file.py:Class:argument, whose code is executed"
 
 FORMAT: Any = partial(argparse.RawDescriptionHelpFormatter, max_help_position=28)
 SEARCH = "of the suite, or a file of a search, .json"

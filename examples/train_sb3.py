@@ -21,7 +21,8 @@ from stable_baselines3.common.logger import CSVOutputFormat, Logger
 from stable_baselines3.common.vec_env import VecMonitor
 
 from DroneSwarmSearch import training
-from DroneSwarmSearch.adapters.sb3 import LogSuccess, SB3VecEnv
+from DroneSwarmSearch.adapters.sb3 import LogSuccess, SB3Policy, SB3VecEnv
+from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
 from DroneSwarmSearch.vector import DroneVectorEnv
 
@@ -40,6 +41,12 @@ SETTINGS = {
     "policy_kwargs": {"net_arch": [128, 128]},
     "device": "cpu",
 }
+
+
+class Trained(SB3Policy):
+    """A trained model, for the command line: examples/train_sb3.py:Trained:model.zip."""
+
+    view = View("drone", "crops", action_mask=True, right_of_way=True, bayesian_update=True)
 
 
 def make_env() -> VecMonitor:
@@ -90,7 +97,7 @@ def main() -> None:
     torch.set_num_threads(options.threads)
     train(options)
     _, *baselines = training.compare_with_baselines(
-        str(options.out / "model.zip"),  # samples actions, as in training
+        f"{__file__}:Trained:{options.out / 'model.zip'}",  # samples actions, as in training
         TRAINING_TASK,
         episodes=options.episodes,
         name="maskable-ppo",

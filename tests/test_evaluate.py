@@ -294,7 +294,7 @@ def test_actions_are_validated(returned, view, error, message):
             ValueError,
             "view must be .* with observation='dict'",
         ),
-        ({"policy": DEFAULT_WEIGHTS, "view": "drone"}, ValueError, "view must be 'swarm' or"),
+        ({"policy": "imitation", "view": "drone"}, ValueError, "view must be 'swarm' or"),
     ],
 )
 def test_bad_arguments_are_refused(changes, error, message):

@@ -121,6 +121,7 @@ class TestFile:
             return dict.fromkeys(observations, int(Action.IDLE))
 
         search = storm(timestep_limit=6)
+        idle.view = "parallel"  # type: ignore[attr-defined]
         data = export([idle], search, tmp_path / "idle.json", seeds=range(4))
         assert data["maps"]["count"] == len(data["maps"]["maxima"]) <= 7
         assert all(episode["posterior"] == episode["prior"] for episode in data["episodes"])

@@ -158,7 +158,7 @@ def submitted(folder: Path, *rows: str) -> Path:
 
 def test_submissions_are_evaluated_as_their_rows_state(tmp_path):
     path = submitted(
-        tmp_path, f"waiting,{__name__}:Waiting,yes,0.0,A,x", "odd,random,,2.0,B,https://x.org"
+        tmp_path, f"waiting,{__file__}:Waiting,yes,0.0,A,x", "odd,random,,2.0,B,https://x.org"
     )
     board = leaderboard(
         ["random"], ["pond"], submissions=path, episodes=40, bounds=False, progress=False
@@ -210,7 +210,10 @@ def test_rows_of_submissions_are_complete(tmp_path, row):
         ({"policies": []}, "policies must be at least one"),
         ({"policies": ["random", "random"]}, "different names, got random, random"),
         ({"searches": ["pond", "fog", "pond"]}, "different names, got pond, fog, pond"),
-        ({"added": ["own=random"], "view": "drone"}, "view must be 'swarm' or 'parallel'"),
+        (
+            {"policies": [], "added": ["random"], "view": "drone"},
+            "view must be 'swarm' or 'parallel'",
+        ),
     ],
 )
 def test_bad_input_is_refused(arguments, words):

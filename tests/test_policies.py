@@ -58,8 +58,6 @@ def play_batch(
     ("name", "of", "error", "message"),
     [
         ("best", scenario(), ValueError, r"name must be one of random, .*, got 'best'"),
-        ("none.npz", scenario(), FileNotFoundError, r"none\.npz"),
-        (3, scenario(), TypeError, r"name must be a policy's name, got 3"),
         ("random", 7, TypeError, r"scenario must be a Scenario, got 7"),
     ],
 )

@@ -50,6 +50,8 @@ def small(**changed: Any) -> NamedSearch:
 class Watcher:
     """Idles, and records its observations and seeds."""
 
+    view = "parallel"
+
     def __init__(self) -> None:
         self.shown: list[NDArray[np.float32]] = []
         self.seeds: list[object] = []

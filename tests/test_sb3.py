@@ -28,7 +28,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecMonitor
 
 from DroneSwarmSearch.adapters import TrainedPolicy
-from DroneSwarmSearch.adapters.sb3 import LogSuccess, SB3VecEnv, logits
+from DroneSwarmSearch.adapters.sb3 import LogSuccess, SB3Policy, SB3VecEnv, logits
 
 both_views = pytest.mark.parametrize("view", [SwarmVectorEnv, DroneVectorEnv])
 
@@ -250,16 +250,19 @@ def test_an_unmasked_model_is_evaluated_with_or_without_masks(
 def test_a_saved_model_is_a_policy(
     tmp_path: Path, view: type[SearchVectorEnv], layout: str, masks: str | None
 ) -> None:
-    """Its form, layout and masks follow from its spaces; it plays as the model in memory does."""
+    """It plays as the model in memory does."""
     contrib = pytest.importorskip("sb3_contrib")
     env = made(view, 4, observation=layout, action_mask=masks, right_of_way=masks is not None)
     kind = "MultiInputPolicy" if layout == "dict" or masks == "observation" else "MlpPolicy"
     make = contrib.MaskablePPO if masks == "info" else PPO
     model = make(kind, env, n_steps=8, batch_size=16, seed=1, device="cpu")
     model.save(tmp_path / "model.zip")
-    saved = evaluate(str(tmp_path / "model.zip"), Scenario(**SMALL), episodes=20, name="model")
     form = "swarm" if view is SwarmVectorEnv else "drone"
     shown = View(form, layout, masks is not None, masks is not None, bayesian_update=True)
+    made_of = type("Saved", (SB3Policy,), {"view": shown})(
+        Scenario(**SMALL), tmp_path / "model.zip"
+    )
+    saved = evaluate(made_of, Scenario(**SMALL), episodes=20, name="model")
     assert saved.view == shown
     told = evaluate(
         TrainedPolicy(logits(model)), Scenario(**SMALL), episodes=20, name="model", view=shown
@@ -270,11 +273,11 @@ def test_a_saved_model_is_a_policy(
 def test_a_saved_model_for_other_searches_is_refused(tmp_path: Path) -> None:
     model = PPO("MlpPolicy", made(DroneVectorEnv, 4, observation="flat"), n_steps=8, batch_size=16)
     model.save(tmp_path / "model.zip")
-    with pytest.raises(ValueError, match=r"must observe a layout .* 4 x 4 cells with n_drones=3"):
-        evaluate(str(tmp_path / "model.zip"), Scenario(**{**SMALL, "n_drones": 3}))
+    with pytest.raises(ValueError, match=r"the model must observe a search like this as View\("):
+        SB3Policy(Scenario(**SMALL), tmp_path / "model.zip")
     DQN("MlpPolicy", "DroneSwarmSearch-v0", buffer_size=10).save(tmp_path / "dqn.zip")
     with pytest.raises(ValueError, match=r"dqn\.zip must hold an actor-critic model, got .*DQN"):
-        evaluate(str(tmp_path / "dqn.zip"), "pond")
+        SB3Policy(Scenario(**SMALL), tmp_path / "dqn.zip")
 
 
 @pytest.mark.filterwarnings("error")

@@ -6,7 +6,6 @@ Every drone is a sub-environment, and all drones share one policy; see examples/
 from __future__ import annotations
 
 import inspect
-import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -23,7 +22,6 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from DroneSwarmSearch.adapters.trained_policy import TrainedPolicy, listed
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import TOP_CELLS, BatchObservations
@@ -163,8 +161,13 @@ def logits(model: BaseAlgorithm | ActorCriticPolicy) -> Callable[[Any], NDArray[
 class SB3Policy(TrainedPolicy):
     """An actor-critic model, or a MaskablePPO, that Stable-Baselines3 has saved.
 
-    It samples actions, as in training, and has no memory, so it observes the posterior. Its form,
-    layout and masks follow from its spaces; a MaskablePPO gets masks with right of way.
+    It samples actions, as in training, and has no memory, so it observes the posterior. A model
+    with another layout needs a subclass with its own attribute `view`::
+
+        class Flat(SB3Policy):
+            view = View("drone", "flat", bayesian_update=True)
+
+    On the command line, it is ``file.py:SB3Policy:model.zip`` with a file that imports it.
 
     Args:
         scenario: the search to steer.
@@ -172,34 +175,26 @@ class SB3Policy(TrainedPolicy):
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it holds no such model, or none for this search.
+        ValueError: it holds no such model, or one that observes something else.
     """
+
+    view = View("drone", "crops", True, True, bayesian_update=True)
 
     def __init__(self, scenario: Scenario, path: str) -> None:
         data, params, _ = load_from_zip_file(path, device="cpu")
         kind: Any = (data or {}).get("policy_class")
         if data is None or not hasattr(kind, "get_distribution"):
             raise ValueError(f"{path} must hold an actor-critic model, got {kind}")
-        given = data["observation_space"], data["action_space"], lambda _: 0.0
-        policy = kind(*given, **data["policy_kwargs"])
+        space = data["observation_space"]
+        policy = kind(space, data["action_space"], lambda _: 0.0, **data["policy_kwargs"])
         policy.load_state_dict(params["policy"])
-        super().__init__(logits(policy), view=_view_of(policy, scenario))
-
-
-def _view_of(policy: ActorCriticPolicy, scenario: Scenario) -> View:
-    """The view whose observations have the shapes of those of the training."""
-    space, batch = policy.observation_space, SearchBatch(1, scenario=scenario)
-    form = "swarm" if isinstance(policy.action_space, spaces.MultiDiscrete) else "drone"
-    for layout, masks in itertools.product(LAYOUTS, (None, True)):
-        each = BatchObservations(batch, layout, form == "swarm", TOP_CELLS, True, masks).space
-        if _shapes(each) == _shapes(space):
-            is_masked = bool(masks) or _uses_masks(policy)
-            return View(form, layout, is_masked, is_masked, bayesian_update=True)
-    raise ValueError(
-        f"the model must observe a layout of a search of {scenario.grid_size} x "
-        f"{scenario.grid_size} cells with n_drones={scenario.n_drones}, got {space}; the layouts "
-        "'crops' and 'top-cells' fit every size"
-    )
+        view, batch = self.view, SearchBatch(1, scenario=scenario)
+        known = batch, view.observation, view.form == "swarm", TOP_CELLS, True
+        if not any(
+            _shapes(BatchObservations(*known, m).space) == _shapes(space) for m in (None, True)
+        ):
+            raise ValueError(f"the model must observe a search like this as {view}, got {space}")
+        super().__init__(logits(policy), view=view)
 
 
 def _shapes(space: spaces.Space[Any]) -> Any:

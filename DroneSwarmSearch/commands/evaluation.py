@@ -126,7 +126,7 @@ def add_view(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument_group("what policies see, if they do not state it").add_argument
     posterior = "the posterior, not the prior"
     add("--posterior", action="store_true", default=None, help=posterior)
-    add("--view", choices=FORMS, help="the form of observations and actions (default: what works)")
+    add("--view", choices=FORMS, help="the form of observations and actions (default: swarm)")
     add("--observation", choices=LAYOUTS, default="dict", help="the layout (default: dict)")
     add("--action-mask", action="store_true", help="also show it masks of valid actions")
     add("--right-of-way", action="store_true", help="these masks prevent all collisions")

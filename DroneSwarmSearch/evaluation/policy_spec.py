@@ -3,39 +3,33 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import inspect
 import re
 import runpy
 import sys
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch._internal.errors import did_you_mean
-from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.policies import POLICIES
-from DroneSwarmSearch.policies.imitation import ImitationPolicy, Network
 
 
 @dataclass(frozen=True, eq=False)
 class PolicySpec:
     """A policy to be evaluated; make one with `PolicySpec.of`.
 
-    `source` is the policy as given, and the SHA-256 of its file, for manifests; None for one in
+    `source` is the policy as given, and the SHA-256 of its files, for manifests; None for one in
     memory. `policy` is a callable, or a class (with `arguments`, any function) that makes one
-    from a `Scenario` and `arguments`. `view` is what it sees, as far as known.
+    from a `Scenario` and `arguments`.
     """
 
     name: str
     source: Mapping[str, str] | None
     policy: Any
     arguments: tuple[str, ...] = ()
-    view: View | None = None
 
     @property
     def kind(self) -> type:
@@ -44,9 +38,9 @@ class PolicySpec:
 
     @classmethod
     def of(cls, policy: object, name: str | None = None) -> PolicySpec:
-        """Make a spec from a policy as for `evaluate`; a string may begin with "name=".
+        """Make a spec from a policy as for `evaluate`.
 
-        Raises ImportError, OSError, TypeError or ValueError if there is no such policy.
+        Raises OSError, TypeError or ValueError if there is no such policy.
         """
         if isinstance(policy, PolicySpec):
             return policy
@@ -58,43 +52,22 @@ class PolicySpec:
                 )
             own_name = getattr(policy, "__name__", type(policy).__name__)
             return cls(name or str(own_name), None, policy)
-        if name is None and (named := re.match(r"([\w-]+)=", policy)):
-            return cls.of(policy[named.end() :], named[1])
-        found: Any
-        file: str | None
-        arguments: tuple[str, ...] = ()
-        own_name = policy
-        if parts := re.fullmatch(r"(.+\.py|[\w.]+):(\w+)(?::(.+))?", policy):
-            where, own_name, argument = parts.groups()
-            found, file = _imported(where, own_name)
-            if argument is not None:
-                arguments = (argument,)
-        elif policy.endswith(".npz"):
-            Network.load(policy)
-            found, file, arguments, own_name = ImitationPolicy, policy, (policy,), Path(policy).stem
-        elif policy.endswith(".zip"):
-            if not zipfile.is_zipfile(policy):
-                raise ValueError(f"policy must be a saved model, but {policy} is no zip file")
-            sb3 = needed("DroneSwarmSearch.adapters.sb3", "a saved model needs its library", "sb3")
-            file, arguments, own_name = policy, (policy,), Path(policy).stem
-            found = sb3.SB3Policy
-        elif policy in POLICIES:
-            found, file = POLICIES[policy], None
-        else:
-            hint = did_you_mean(policy, POLICIES)
-            if policy.endswith(".py"):
-                hint = f"; name an attribute of the file, too, as in '{policy}:policy'"
+        if policy in POLICIES:
+            return cls(name or policy, {"policy": policy}, POLICIES[policy])
+        parts = re.fullmatch(r"(.+\.py):(\w+)(?::(.+))?", policy)
+        if parts is None:
             raise ValueError(
-                f"policy must be one of {', '.join(POLICIES)}, 'weights.npz', 'model.zip', "
-                "'module:attribute', 'file.py:attribute' or 'file.py:Class:argument', got "
-                f"{policy!r:.100}{hint}"
+                f"policy must be one of {', '.join(POLICIES)}, or 'file.py:Class' or "
+                f"'file.py:Class:argument', got {policy!r:.100}{did_you_mean(policy, POLICIES)}"
             )
-        source = {"policy": policy}
-        files = [Path(name) for name in (file, *arguments) if name and Path(name).is_file()]
-        if files:
-            content = b"".join(each.read_bytes() for each in dict.fromkeys(files))
-            source["sha256"] = hashlib.sha256(content).hexdigest()
-        return cls(name or own_name, source, found, arguments)
+        file, own_name, argument = parts.groups()
+        found, files = _imported(file, own_name), [Path(file)]
+        if argument is not None and Path(argument).is_file():
+            own_name = Path(argument).stem
+            files.append(Path(argument))
+        digest = hashlib.sha256(b"".join(each.read_bytes() for each in files)).hexdigest()
+        arguments = () if argument is None else (argument,)
+        return cls(name or own_name, {"policy": policy, "sha256": digest}, found, arguments)
 
     def make(self, scenario: Scenario) -> Callable[..., Any]:
         """Make the policy for a search with the given scenario."""
@@ -104,18 +77,12 @@ class PolicySpec:
         return made
 
 
-def _imported(where: str, attribute: str) -> tuple[Callable[..., Any], str | None]:
-    """A callable of a file or a module, and the file."""
-    found: Any
-    if where.endswith(".py"):
-        path = Path(where)
-        sys.path.insert(0, str(path.parent.resolve()))  # as when Python runs the file
-        # Workers cannot import the module, so joblib pickles its content with the policy.
-        found = runpy.run_path(where, run_name=f"_policy_{path.stem}").get(attribute)
-        file: str | None = where
-    else:
-        module = importlib.import_module(where)
-        found, file = getattr(module, attribute, None), getattr(module, "__file__", None)
+def _imported(file: str, attribute: str) -> Callable[..., Any]:
+    """A callable of a file."""
+    path = Path(file)
+    sys.path.insert(0, str(path.parent.resolve()))  # as when Python runs the file
+    # Workers cannot import the module, so joblib pickles its content with the policy.
+    found: Any = runpy.run_path(file, run_name=f"_policy_{path.stem}").get(attribute)
     if not callable(found):
-        raise ValueError(f"policy must name a callable, but {where} has none called {attribute!r}")
-    return found, file
+        raise ValueError(f"policy must name a callable, but {file} has none called {attribute!r}")
+    return found  # type: ignore[no-any-return]

@@ -53,13 +53,13 @@ def evaluate(
     start cells, once and before it is copied, and `reset(seed=...)` with the seeds of a portion.
 
     Args:
-        policy: the name of a policy of this package; "weights.npz" of examples/train_imitation.py;
-            "model.zip" of Stable-Baselines3; "module:attribute" or "file.py:attribute"; or a
-            callable from observations to actions. A class is instantiated with the search's
-            `Scenario`, in the form "file.py:Class:argument" also with a string.
+        policy: the name of a policy of this package; "file.py:Class" or "file.py:Class:argument";
+            or a callable from observations to actions. A class is instantiated with the search's
+            `Scenario`, and with the argument, a string.
         search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`.
         view: what the policy sees and returns: a `View`, or its form. Without a form, what it
-            leaves at the default is as in the policy's attribute `view`, and a form that works.
+            leaves at the default is as in the policy's attribute `view`, a `View` or its form;
+            without that, the policy steers whole swarms.
         episodes: the number of episodes, at least 1.
         seed: of the first episode, at least 0; episode i has the seed `seed + i`.
         deterministic: whether the actions depend on nothing but what the policy has observed

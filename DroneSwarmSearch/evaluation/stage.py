@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,54 +13,36 @@ from DroneSwarmSearch.core.actions import checked_actions, read_actions
 from DroneSwarmSearch.core.grid import Grid
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.layouts.view import FORMS, View
+from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.policies import BatchPolicy
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import TOP_CELLS, BatchObservations
 
 PolicyLike = Callable[[Any], Any]
 
+UNSTATED = (
+    "the policy states no view, so it was shown all drones of all searches: if it expects another "
+    "one, give it an attribute view, such as view = View('drone', 'flat'), or pass view="
+)
+
 
 def view_of(spec: PolicySpec, search: NamedSearch, view: View | str | None) -> View:
-    """What a policy sees: `view` if it has a form; otherwise also the policy's own view.
+    """What a policy sees: `view`; without a form, also what the policy's attribute `view` states.
 
-    If no form is known, it is the first that works. Raises ValueError if the policy is one of this
-    package and cannot take the view, or if no form works.
+    Raises ValueError if the policy is one of this package and cannot take the view.
     """
-    given = (view if isinstance(view, View) else View(view)).over(spec.view or View())
+    given = view if isinstance(view, View) else View(view)
     if issubclass(spec.kind, BatchPolicy):
-        given = given.over(View("swarm"))
         if given.form == "drone" or given.observation != "dict" or given.action_mask:
             raise ValueError(
                 "view must be 'swarm' or 'parallel', with observation='dict' and without masks, "
                 f"for {spec.name}, got {given!r}"
             )
-        return given
-    if given.form is None:
-        policy = prepared(spec, search)
-        own = getattr(policy, "view", None)
-        given = given.over(own if isinstance(own, View) else View(own))
+        return given.over(View("swarm"))
     if given.form is not None:
         return given
-    problems: dict[str, Exception] = {}
-    for form in FORMS if given.observation == "dict" else FORMS[:2]:
-        shown, tried = replace(given, form=form), copied(policy)
-        try:
-            steering(tried, search.with_posterior(given.bayesian_update), 0, shown)()
-        except Exception as error:  # whatever a policy raises for observations it does not expect
-            problems[form] = error
-        else:
-            return shown
-    returned = [error for error in problems.values() if str(error).startswith("the policy's")]
-    if len(returned) == 1:  # one form suits the policy, but not what it returns
-        raise returned[0]
-    if len(set(map(repr, problems.values()))) == 1:  # not about the form, but the policy's own
-        raise problems[form]
-    every = "".join(f"\n  with {form!r}: {error!r:.200}" for form, error in problems.items())
-    raise ValueError(
-        f"view must be given for {spec.name}: it returns no valid actions for observations in the "
-        f"layout {given.observation!r}{every}"
-    )
+    own = getattr(prepared(spec, search), "view", None)
+    return given.over(own if isinstance(own, View) else View(own))
 
 
 def steering(
@@ -121,14 +102,20 @@ class Stage:
         shown: Any = self._observations.of_rows(rows)
         if self._view.form == "parallel":
             shown = self._by_drone(shown)
-        elif self._view.form == "swarm" and self._view.observation == "dict":
+        elif self._view.form != "drone" and self._view.observation == "dict":
             entries = shown["observation"] if self._view.action_mask else shown
             entries["row"] = rows.copy()
-        returned = policy(shown)
+        try:
+            returned = policy(shown)
+        except Exception as error:  # whatever it raises for observations that it does not expect
+            if self._view.form is None and hasattr(error, "add_note"):  # Python 3.11 or later
+                error.add_note(UNSTATED)
+            raise
         try:
             return self._read(returned, len(rows))
         except (TypeError, ValueError) as error:
-            raise type(error)(f"the policy's {error}") from None
+            hint = "" if self._view.form else f"; {UNSTATED}"
+            raise type(error)(f"the policy's {error}{hint}") from None
 
     def _by_drone(self, shown: Any) -> dict[str, Any]:
         """The observations of one search in the form of `DroneSwarmSearch`."""
@@ -151,8 +138,8 @@ class Stage:
             return np.array([[*chosen]])
         if isinstance(actions, Mapping):
             raise TypeError(
-                f"actions must be an array of integers with view={self._view.form!r}, got "
-                f"{actions!r:.200}"
+                f"actions must be an array of integers with view={self._view.form or 'swarm'!r}, "
+                f"got {actions!r:.200}"
             )
-        shape = (n, drones) if self._view.form == "swarm" else (n * drones,)
+        shape = (n, drones) if self._view.form != "drone" else (n * drones,)
         return checked_actions(actions, shape, np.int64).reshape(n, drones)

@@ -21,8 +21,7 @@ class View:
             ended, in the dict layout with their indices as "row"; actions of shape
             (E, n_drones). "drone": the observations of `DroneVectorEnv`; actions of shape
             (E * n_drones,). "parallel": the observations of `DroneSwarmSearch`, one episode at a
-            time; a dict of actions. None: the first of these three for which the policy returns
-            valid actions, tried with the first observations of an episode.
+            time; a dict of actions. None: as the policy states, otherwise "swarm".
         observation: the layout for "swarm" and "drone": "dict", "flat", "planes", "top-cells"
             or "crops".
         action_mask: whether the policy gets masks of valid actions: {"observation": as above,

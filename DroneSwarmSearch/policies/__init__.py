@@ -54,22 +54,16 @@ def make(name: str, scenario: Scenario) -> BatchPolicy:
     """Make a policy by its name.
 
     Args:
-        name: one of `POLICIES`, or the path of an .npz file of weights, as
-            `examples/train_imitation.py` writes it, for a `ImitationPolicy`.
+        name: one of `POLICIES`.
         scenario: the parameters of every search to steer.
 
     Raises:
-        FileNotFoundError: the file does not exist.
-        TypeError: the name is not a string, or `scenario` is not a `Scenario`.
-        ValueError: no policy has this name, or the file does not hold a valid network.
+        TypeError: `scenario` is not a `Scenario`.
+        ValueError: no policy has this name.
     """
-    if not isinstance(name, str):
-        raise TypeError(f"name must be a policy's name, got {name!r}")
-    if name.endswith(".npz"):
-        return ImitationPolicy(scenario, name)
     if name not in POLICIES:
         raise ValueError(
-            f"name must be one of {', '.join(POLICIES)}, or a file of weights (.npz), got {name!r}"
+            f"name must be one of {', '.join(POLICIES)}, got {name!r}"
             + did_you_mean(name, POLICIES)
         )
     return POLICIES[name](scenario)
