@@ -69,7 +69,7 @@ leaderboard *options:
 
 # measure the speed of batches on this machine
 bench *options:
-    python tests/benchmarks/bench_vector.py {{ options }}
+    python benchmarks/bench_vector.py {{ options }}
 
 # build wheel and sdist in dist, and check them
 build:

@@ -20,7 +20,13 @@ from DroneSwarmSearch.core.drones import Drones
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.grid import Grid
 from DroneSwarmSearch.core.mappings import Infos, Rewards, Start
-from DroneSwarmSearch.core.observations import Observation, SearchSpaces, observe, state_planes
+from DroneSwarmSearch.core.observations import (
+    Observation,
+    SearchSpaces,
+    Snapshot,
+    observe,
+    state_planes,
+)
 from DroneSwarmSearch.core.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.core.scenario import Scenario, resolve_scenario
 from DroneSwarmSearch.core.world import WorldState
@@ -162,6 +168,7 @@ class DroneSwarmSearch(SearchSpaces):
         # The episode, see `reset`.
         self._search: Scenario | None = None  # its parameters
         self._world: WorldState
+        self._matrix: NDArray[np.float32]
         self._drones = Drones(self._names, self._scenario)
         self._ending: Ending | None = None
 
@@ -237,13 +244,13 @@ class DroneSwarmSearch(SearchSpaces):
         if seed is not None or self._streams is None:
             self._streams = Streams.from_seed(seed)
             self._episode = 0
-        matrix = self._world.start(self._streams, self._episode)
+        self._matrix = self._world.start(self._streams, self._episode)
         self._drones.start(cells)
         self.agents = list(self._names)
         if self.render_mode == "human":
             self._display.show(self.frame())
         facts = (None, self._world.missing, self._world.persons, 0, self._world.success)
-        return Start(observe(self._names, cells, self._grid.positions, matrix, False, facts))
+        return Start(observe(self._names, cells, self._grid.positions, self._matrix, False, facts))
 
     def step(
         self, actions: Mapping[str, int]
@@ -275,7 +282,7 @@ class DroneSwarmSearch(SearchSpaces):
         # 2. Outcomes, rewards and the ending.
         rewards, ending = drones.resolve(chosen, targets, world)
         # 3. The persons and the matrix drift.
-        matrix = world.advance()
+        self._matrix = world.advance()
         self._ending = ending
         if ending is None:
             self.agents = agents
@@ -285,7 +292,12 @@ class DroneSwarmSearch(SearchSpaces):
             self._display.show(self.frame())
         facts = (ending, world.missing, world.persons, world.step, world.success)
         observations, infos = observe(
-            self._names, drones.cells, self._grid.positions, matrix, bool(drones.finders), facts
+            self._names,
+            drones.cells,
+            self._grid.positions,
+            self._matrix,
+            bool(drones.finders),
+            facts,
         )
         return observations, Rewards(rewards), flags.copy(), flags.copy(), infos
 
@@ -326,10 +338,10 @@ class DroneSwarmSearch(SearchSpaces):
         Raises:
             ResetNeeded: before the first `reset`.
         """
-        cells, world = self._cells_and_world()
+        (cells, matrix, _, _), world = self.snapshot(), self._world
         missing = [world.person_cell(person) for person in world.missing if world.is_rescue]
         persons = np.array([missing], np.int64)
-        planes = state_planes(world.matrix()[None], np.array([cells]), persons, persons >= 0)
+        planes = state_planes(matrix[None], np.array([cells]), persons, persons >= 0)
         state: NDArray[np.float32] = planes[0]
         return state
 
@@ -350,14 +362,14 @@ class DroneSwarmSearch(SearchSpaces):
         Raises:
             ResetNeeded: before the first `reset`, and after an interrupted step or reset.
         """
-        cells, world = self._cells_and_world()
+        (cells, matrix, _, _), world = self.snapshot(), self._world
         positions, finds = self._grid.positions, world.finds
         drones, persons = self._drones, world.persons if world.is_rescue else ()
         person_cells = (
             finds[person][1] if person in finds else world.person_cell(person) for person in persons
         )
         return Frame(
-            matrix=world.matrix(),
+            matrix=matrix,
             drones=tuple(positions[cell] for cell in cells),
             searching=tuple(action == Action.SEARCH for action in drones.chosen),
             persons=tuple(positions[cell] for cell in person_cells),
@@ -374,8 +386,12 @@ class DroneSwarmSearch(SearchSpaces):
             total_return=sum(drones.returns),
         )
 
-    def _cells_and_world(self) -> tuple[list[int], WorldState]:
-        """The drones' cells and the world state, for reading only; wrappers use these."""
+    def snapshot(self) -> Snapshot:
+        """What wrappers need of the current state, without the persons.
+
+        Raises:
+            ResetNeeded: before the first `reset`, and after an interrupted step or reset.
+        """
         if not self.agents and self._ending is None:
             raise ResetNeeded("no episode has begun, or it was interrupted; call reset() first")
-        return self._drones.cells, self._world
+        return Snapshot(self._drones.cells, self._matrix, self._world.step, self._ending)

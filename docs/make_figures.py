@@ -6,13 +6,13 @@ writes `docs/figures/<name>-light.svg` and `<name>-dark.svg` for every function 
 `figure`, or for the names given as arguments. The output is reproducible with the same version
 of matplotlib. `calibration`, `opendrift` and `speed` plot the measurements written by
 
-    python tests/benchmarks/calibration.py --csv docs/figures/calibration.csv
+    python benchmarks/calibration.py --csv docs/figures/calibration.csv
     python examples/compare_with_opendrift.py --tracks 100000 --csv docs/figures/opendrift.csv
-    python tests/benchmarks/bench_vector.py --json docs/figures/bench.json
+    python benchmarks/bench_vector.py --json docs/figures/bench.json
 
 and `tracks` the outcome of `python docs/make_tracks.py --compare docs/figures/tracks.json`.
 `learning` plots the curves of the training examples, `docs/training/<example>-<seed>.csv`, with the
-baselines of `own_loop.csv`, see tests/benchmarks/own_loop.py, and `results` the table of the
+baselines of `own_loop.csv`, see benchmarks/own_loop.py, and `results` the table of the
 leaderboard. All other figures are computed here, within seconds.
 
 To add a figure, write a function that takes a `Theme` and a `Sampling`, returns a matplotlib

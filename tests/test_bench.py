@@ -1,4 +1,4 @@
-"""The benchmarks in tests/benchmarks: every case runs, and the results are consistent."""
+"""The benchmarks in benchmarks: every case runs, and the results are consistent."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-sys.path.append(str(Path(__file__).parent / "benchmarks"))
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 
 import bench_vector
 import cases

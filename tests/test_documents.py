@@ -291,7 +291,7 @@ def test_command(command, tmp_path, monkeypatch):
     [
         (["examples/vector_rollout.py", "--num-envs", "8", "--steps", "20"], "steps per second"),
         (["examples/prior_or_posterior.py", "--episodes", "2"], "posterior: found in"),
-        (["tests/benchmarks/bench_step.py", *BENCH_BRIEFLY.split()], "idle/floor"),
+        (["benchmarks/bench_step.py", *BENCH_BRIEFLY.split()], "idle/floor"),
     ],
     ids=["vector_rollout", "prior_or_posterior", "bench_step"],
 )

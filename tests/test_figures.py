@@ -23,7 +23,7 @@ COMMITTED = DOCS / "figures"
 
 
 figures = module_at(DOCS / "make_figures.py")
-calibration = module_at(ROOT / "tests" / "benchmarks" / "calibration.py")
+calibration = module_at(ROOT / "benchmarks" / "calibration.py")
 
 NAMES = list(figures.REGISTRY)
 THEMES = [theme.name for theme in figures.THEMES]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import cached_property
-from typing import Any, TypedDict
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 from gymnasium import spaces
@@ -14,7 +14,7 @@ from pettingzoo import ParallelEnv
 from DroneSwarmSearch._internal.arrays import Flags, Ints, Singles
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.mappings import Facts, Infos, SuccessInfos
-from DroneSwarmSearch.core.rules import Action, is_success
+from DroneSwarmSearch.core.rules import Action, Ending, is_success
 from DroneSwarmSearch.core.scenario import Scenario
 
 
@@ -22,6 +22,22 @@ class Observation(TypedDict):
     """A drone's observation: ((x, y), matrix)."""
 
     observation: tuple[Cell, NDArray[np.float32]]
+
+
+class Snapshot(NamedTuple):
+    """A moment of an episode, for reading only.
+
+    Attributes:
+        cells: every drone's cell, y * N + x.
+        matrix: float32, shape (N, N), indexed [y, x].
+        step: completed steps.
+        ending: how the episode ended; None before its end.
+    """
+
+    cells: list[int]
+    matrix: Singles
+    step: int
+    ending: Ending | None
 
 
 def observe(

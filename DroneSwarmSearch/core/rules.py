@@ -120,10 +120,9 @@ class RewardScheme:
 
     def __post_init__(self) -> None:
         checks.boolean("RewardScheme.expected_finds", self.expected_finds)
-        for each in fields(self)[:-1]:
-            figure = getattr(self, each.name)
-            figure = checks.real(f"RewardScheme.{each.name}", figure, -_LARGEST, _LARGEST)
-            object.__setattr__(self, each.name, figure)
+        for name in self._figures():
+            figure = checks.real(f"RewardScheme.{name}", getattr(self, name), -_LARGEST, _LARGEST)
+            object.__setattr__(self, name, figure)
 
     @classmethod
     def sparse(cls) -> RewardScheme:
@@ -146,9 +145,14 @@ class RewardScheme:
         return cls(find=find, expected_finds=True, **cls._zeros())
 
     @classmethod
+    def _figures(cls) -> list[str]:
+        """The names of all figures: the fields that are numbers."""
+        return [each.name for each in fields(cls) if not isinstance(each.default, bool)]
+
+    @classmethod
     def _zeros(cls) -> dict[str, Any]:
         """All figures but `find` as 0."""
-        return {each.name: 0.0 for each in fields(cls)[:-1] if each.name != "find"}
+        return {name: 0.0 for name in cls._figures() if name != "find"}
 
 
 def same_cell(targets: Sequence[int]) -> set[int]:

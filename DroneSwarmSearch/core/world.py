@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch._internal.streams import Streams
 from DroneSwarmSearch.core.rules import COVERED_AT
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.drift.belief import Belief, mean_over_missing
+from DroneSwarmSearch.drift.belief import Belief, mean_forecast, mean_over_missing, shown_matrix
 
 _FEWEST_AHEAD, _MOST_AHEAD = 8, 32
 """The steps that persons walk at a time, because each call has a fixed cost."""
@@ -23,9 +21,9 @@ _FEWEST_AHEAD, _MOST_AHEAD = 8, 32
 class WorldState:
     """The persons of a search and what is known about them, in one episode after another.
 
-    The matrix comes from one of three sources: a forecast, if the shown persons share one; the
-    mean of several forecasts; or the beliefs, once an episode with `bayesian_update` has seen a
-    search. Beliefs may also be kept without being shown, see `Scenario.keeps_beliefs`.
+    The matrix shows the beliefs once an episode with `bayesian_update` has seen a search, see
+    `belief.shown_matrix`. Beliefs may also be kept without being shown, see
+    `Scenario.keeps_beliefs`.
 
     Attributes:
         persons: all persons, by number.
@@ -70,21 +68,11 @@ class WorldState:
         return self._shown_matrix()
 
     def _shown_matrix(self) -> Singles:
-        self._matrix = self._current_matrix()
+        beliefs = self._beliefs if self._shows_beliefs else None
+        self._matrix = shown_matrix(self._models, beliefs, self.missing, self.step)
         matrix = self._matrix.copy()
         matrix.setflags(write=False)
         return matrix
-
-    def _current_matrix(self) -> Singles:
-        if self._beliefs is not None and self._shows_beliefs:
-            maps = [belief.map() for belief in self._beliefs]
-            return mean_over_missing(maps, self.missing).astype(np.float32)
-        if len(self._models) == 1:  # saves a tenth of a step
-            return self._models[0].matrix(self.step)
-        first, *others = (self._models[person] for person in self.missing or self.persons)
-        if all(other.key == first.key for other in others):
-            return first.matrix(self.step)
-        return self._mean_forecast()
 
     # The persons.
 
@@ -157,22 +145,15 @@ class WorldState:
         item = self._matrix.item
         return {drone: item(cell) for cell, drone in searches.items()}
 
-    # The matrix.
-
-    def matrix(self) -> Singles:
-        """The matrix of the current step: float32, shape (N, N), indexed [y, x]; a new array."""
-        return self._matrix.copy()
+    # What is shown.
 
     def prior(self) -> Singles | None:
         """The forecast of the current step, where `matrix` is the posterior; a new array."""
-        return self._mean_forecast() if self._beliefs and self._shows_beliefs else None
+        shown = self._beliefs is not None and self._shows_beliefs
+        return mean_forecast(self._models, self.missing, self.step) if shown else None
 
     def hypotheses(self) -> tuple[tuple[float, ...], ...]:
         """The probability of each hypothesis about each person, as far as the matrix shows it."""
         if self._beliefs is not None and self._shows_beliefs:
             return tuple(belief.model.hypotheses(belief.mass) for belief in self._beliefs)
         return tuple(tuple(model.weights.tolist()) for model in self._models)
-
-    def _mean_forecast(self) -> Singles:
-        forecasts = [model.exact(self.step) for model in self._models]
-        return mean_over_missing(forecasts, self.missing).astype(np.float32)

@@ -17,7 +17,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch._internal.arrays import Flags, Floats
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Singles
 from DroneSwarmSearch.drift.model import DriftModel
 
 FloatOrArray = TypeVar("FloatOrArray", float, Floats)
@@ -98,6 +98,33 @@ def mean_over_missing(beliefs: Sequence[FloatOrArray], missing: Collection[int])
     for belief in others:
         total = total + belief
     return total / (1 + len(others))
+
+
+def shown_matrix(
+    models: Sequence[DriftModel],
+    beliefs: Sequence[Belief] | None,
+    missing: Collection[int],
+    step: int,
+) -> Singles:
+    """The matrix that drones see, for reading only: float32, (N, N).
+
+    It is the mean over the missing persons of the beliefs, or of the forecasts if these are None.
+    `vector.world` has the array form.
+    """
+    if beliefs is not None:
+        return mean_over_missing([each.map() for each in beliefs], missing).astype(np.float32)
+    if len(models) == 1:  # saves a tenth of a step
+        return models[0].matrix(step)
+    first, *others = (models[person] for person in missing or range(len(models)))
+    if all(other.key == first.key for other in others):
+        return first.matrix(step)
+    return mean_forecast(models, missing, step)
+
+
+def mean_forecast(models: Sequence[DriftModel], missing: Collection[int], step: int) -> Singles:
+    """The mean of the forecasts of the missing persons: float32, (N, N); a new array."""
+    exact = [model.exact(step) for model in models]
+    return mean_over_missing(exact, missing).astype(np.float32)
 
 
 def means_over_missing(beliefs: Sequence[Floats] | Floats, shown: NDArray[np.bool_]) -> Floats:

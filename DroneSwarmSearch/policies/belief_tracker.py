@@ -13,13 +13,16 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Singles
-from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core.grid import MOVES, Cell
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.drift.belief import Belief, mean_over_missing
+from DroneSwarmSearch.drift.belief import Belief, shown_matrix
 
 MOST_SETS = 4096
 """How many sets of found persons are compared with the matrix, smallest first."""
+
+HEADINGS = frozenset(map(Action, range(len(MOVES))))
+"""The actions that move a drone."""
 
 FOLLOWED = 16
 """Steps for which an `Outlook` follows what a planned search finds; by then it has spread."""
@@ -95,14 +98,8 @@ class BeliefTracker:
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
         """The matrix shown while some persons, by default `missing`, are: float32, (N, N)."""
         persons = self.missing if missing is None else missing
-        if self.scenario.bayesian_update and self._beliefs is not None:
-            maps = [belief.map() for belief in self._beliefs]
-            return mean_over_missing(maps, persons).astype(np.float32)
-        forecasts = [self.forecasts[person] for person in persons]
-        if all(forecast.key == forecasts[0].key for forecast in forecasts):
-            return forecasts[0].at(self.step)
-        exact = [forecast.exact(self.step) for forecast in forecasts]
-        return mean_over_missing(exact, range(len(exact))).astype(np.float32)
+        beliefs = self._beliefs if self.scenario.bayesian_update else None
+        return shown_matrix(self.forecasts, beliefs, persons, self.step).copy()
 
     def observe(self, matrix: Singles) -> None:
         """Infer from this step's matrix, float32, shape (N, N), who was found in the last step.
@@ -139,7 +136,7 @@ class BeliefTracker:
             if action == Action.SEARCH
         ]
         self.headings = tuple(
-            int(action) if action < Action.SEARCH else before
+            int(action) if action in HEADINGS else before
             for action, before in zip(actions, self.headings, strict=True)
         )
         self._perhaps_found = ()

@@ -24,7 +24,7 @@ from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.core.observations import state_planes
 from DroneSwarmSearch.core.rules import Action, Ending
 from DroneSwarmSearch.core.scenario import REPLACED, Scenario, resolve_scenario
-from DroneSwarmSearch.drift.belief import mean_over_missing
+from DroneSwarmSearch.drift.belief import mean_forecast
 from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.vector.world import BatchState, Catalogue
 
@@ -422,8 +422,7 @@ class SearchBatch:
                 )
                 for model, each in zip(models, mass, strict=True)
             ]
-            forecasts = [model.exact(step) for model in models]
-            prior = mean_over_missing(forecasts, missing.nonzero()[0].tolist()).astype(np.float32)
+            prior = mean_forecast(models, missing.nonzero()[0].tolist(), step)
         return Frame(
             matrix=self.matrices_of([row])[0],
             drones=tuple(positions[cell] for cell in self.cells[row].tolist()),

@@ -1,6 +1,6 @@
 """How far the matrix is from the person's true distribution, here and in earlier packages.
 
-    python tests/benchmarks/calibration.py
+    python benchmarks/calibration.py
 
 plays 10,000 seeded episodes per setting without searches (see "Calibration" in docs/model.md), and
 prints the distance at some steps, with its floor in parentheses. Each package is measured where it

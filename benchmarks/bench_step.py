@@ -1,6 +1,6 @@
 """The speed of one environment, as ratios measured in turns in one process.
 
-    python tests/benchmarks/bench_step.py
+    python benchmarks/bench_step.py
 
 prints, for several sizes, minima over interleaved rounds:
 

@@ -1,7 +1,7 @@
 """Compare networks of examples/train_own_loop.py with greedy policies on new random searches.
 
     pip install "DroneSwarmSearchEnvironment[ppo]"
-    python tests/benchmarks/own_loop.py runs/first/checkpoint.pt --csv docs/training/own_loop.csv
+    python benchmarks/own_loop.py runs/first/checkpoint.pt --csv docs/training/own_loop.csv
 
 The searches are drawn like those in training, with other seeds. Greedy policies are exact; a
 network samples its actions and plays the coverage mission, as in training.
@@ -19,7 +19,7 @@ import torch
 
 from DroneSwarmSearch.evaluation import evaluate
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 import train_own_loop as example
 
 BASELINES = "random", "greedy-matrix", "greedy-posterior", "greedy-forecast"

@@ -1,6 +1,6 @@
 """Measure the speed of batches, and their memory.
 
-    python tests/benchmarks/bench_vector.py
+    python benchmarks/bench_vector.py
 
 Speeds are environment steps per second: one step of a swarm counts once, and resets are
 included. The cases take turns within one process, because absolute figures vary with the
@@ -208,7 +208,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = parse(argv)
     common = [ratio for name in options.only if name != "coin-game" for ratio in GROUPS[name]]
     results: dict[str, Any] = {
-        "command": " ".join(["python tests/benchmarks/bench_vector.py", *(argv or sys.argv[1:])]),
+        "command": " ".join(["python benchmarks/bench_vector.py", *(argv or sys.argv[1:])]),
         **machine(),
         "parameters": {"num_envs": options.num_envs, "rounds": options.rounds},
         "sizes": [measure(size, common, options) for size in options.sizes if common],

@@ -1,7 +1,7 @@
 """Measure the training speed of PPO on single environments and on the batch.
 
     pip install torch stable-baselines3 supersuit
-    python tests/benchmarks/bench_training.py
+    python benchmarks/bench_training.py
 
 All cases share the grid, the observations (crops), the network and the settings of PPO. They
 take turns within one process; rates are environment steps per second, updates included. On a busy
@@ -33,7 +33,7 @@ from DroneSwarmSearch.adapters.sb3 import SB3VecEnv
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.wrappers import CropsObservation, ScaledRewards
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 import train_own_loop as example
 
 GRID_SIZE = 20

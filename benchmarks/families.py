@@ -1,7 +1,7 @@
 """Compare policies on families of random searches, exactly.
 
-    python tests/benchmarks/families.py --searches 20 --policies greedy-forecast imitation planner
-    python tests/benchmarks/families.py --policies greedy-forecast alone=runs/seed1/policy.npz
+    python benchmarks/families.py --searches 20 --policies greedy-forecast imitation planner
+    python benchmarks/families.py --policies greedy-forecast alone=runs/seed1/policy.npz
 
 alone=weights.npz is a network that acts without simulating the search first.
 

@@ -1,7 +1,7 @@
 """Measure the time in which policies decide, on the searches of the suite.
 
-    python tests/benchmarks/decisions.py
-    python tests/benchmarks/decisions.py --policies examples/evaluate_your_own.py:ScentNetwork
+    python benchmarks/decisions.py
+    python benchmarks/decisions.py --policies examples/evaluate_your_own.py:ScentNetwork
 
 It prints two means over the searches: the processing time per decision in milliseconds, and that of
 the longest step in seconds, which is usually the first, with the first plan. A decision is the
