@@ -219,15 +219,7 @@ class DroneSwarmSearch(SearchSpaces):
         for name, value in (("drones_positions", drones_positions), ("vector", vector)):
             if value is not None:
                 given[name] = value
-        cells, positions = list(range(self.n_drones)), given.pop("drones_positions", None)
-        scenario = self._scenario
-        if "vector" in given:
-            scenario = scenario.replace(vector=given["vector"])
-        search = scenario  # with other persons for this episode only
-        if given.keys() - {"vector"}:
-            search = scenario.replace(**given)
-        if positions is not None:
-            cells = scenario.drone_cells(positions)
+        scenario, search, cells = self._resolved(given)
         if self.render_mode == "human":
             self._display.open()
 
@@ -251,6 +243,17 @@ class DroneSwarmSearch(SearchSpaces):
             self._display.show(self.frame())
         facts = (None, self._world.missing, self._world.persons, 0, self._world.success)
         return Start(observe(self._names, cells, self._grid.positions, self._matrix, False, facts))
+
+    def _resolved(self, given: dict[str, Any]) -> tuple[Scenario, Scenario, list[int]]:
+        """The parameters for all later episodes, those of this one, and the drones' cells."""
+        cells, positions = list(range(self.n_drones)), given.pop("drones_positions", None)
+        scenario = self._scenario
+        if "vector" in given:
+            scenario = scenario.replace(vector=given["vector"])
+        search = scenario.replace(**given) if given.keys() - {"vector"} else scenario
+        if positions is not None:
+            cells = scenario.drone_cells(positions)
+        return scenario, search, cells
 
     def step(
         self, actions: Mapping[str, int]

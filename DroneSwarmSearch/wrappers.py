@@ -49,7 +49,7 @@ __all__ = [
 
 Observations = dict[str, Any]
 Ends = dict[str, bool]
-Step = tuple[Observations, Rewards, Ends, Ends, Infos]
+StepResult = tuple[Observations, Rewards, Ends, Ends, Infos]
 """What `step` returns: observations, rewards, terminations, truncations, infos."""
 
 
@@ -83,7 +83,7 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
         observations, infos = self.env.reset(seed=seed, options=options, **arguments)
         return self._observed(observations, infos), infos
 
-    def step(self, actions: Mapping[str, int]) -> Step:
+    def step(self, actions: Mapping[str, int]) -> StepResult:
         """Let every drone act once."""
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
         shown = self._observed(observations, infos)
@@ -245,7 +245,7 @@ class ScaledRewards(SearchWrapper):
         super().__init__(env)
         self.scale = checks.positive("scale", scale)
 
-    def step(self, actions: Mapping[str, int]) -> Step:
+    def step(self, actions: Mapping[str, int]) -> StepResult:
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
         scale = self.scale
         scaled = Rewards({agent: reward * scale for agent, reward in rewards.items()})
@@ -261,7 +261,7 @@ class SeparateFlags(SearchWrapper):
     bootstrap values.
     """
 
-    def step(self, actions: Mapping[str, int]) -> Step:
+    def step(self, actions: Mapping[str, int]) -> StepResult:
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
         if any(terminations.values()) or any(truncations.values()):
             is_truncated = self._search.snapshot().ending is Ending.TIME_LIMIT

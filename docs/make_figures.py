@@ -911,7 +911,7 @@ def tracks(theme: Theme, sampling: Sampling) -> Figure:
     for column, (name, scene) in zip(panels.T, scenes.items(), strict=True):
         scenario = search(name).scenario
         step = scenario.timestep_limit
-        (tracked,), constant = scenario.situation, Person.from_dict(scene["constant"])
+        (tracked,), constant = scenario.persons_to_find, Person.from_dict(scene["constant"])
         persons = {"tracks": tracked, "constant": constant}
         for axes, (drift, person) in zip(column, persons.items(), strict=True):
             forecast = drift_model(person.drift, scenario.grid_size)

@@ -200,7 +200,7 @@ def compare(seed: int = 1, policies: Sequence[str] = ("planner", "greedy-posteri
     scenes = {}
     for name, scene in SCENES.items():
         found, new = suite.search(name), simulate(scene, seed=seed)
-        (person,) = found.scenario.situation
+        (person,) = found.scenario.persons_to_find
         constant = constant_drift(person.drift.tracks, person.probability_of_detection)
         results: dict[str, Any] = {policy: {} for policy in policies}
         for drift, each in (("tracks", person), ("constant", constant)):

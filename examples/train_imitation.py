@@ -36,12 +36,12 @@ from numpy.typing import NDArray
 from torch import nn
 
 from DroneSwarmSearch import Action, Scenario, training
+from DroneSwarmSearch.bound.paths import Path as DronePath
 from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.evaluation import evaluate, search
 from DroneSwarmSearch.layouts.masks import choose_in_turn
-from DroneSwarmSearch.planning.joint_plan import Plan
+from DroneSwarmSearch.planning.joint_plan import JointPlan
 from DroneSwarmSearch.planning.passes import Target
-from DroneSwarmSearch.planning.paths import Path as DronePath
 from DroneSwarmSearch.policies.arrivals import BASELINE, INPUTS, TURNS, VIEWS
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.imitation import ImitationPolicy, Network
@@ -56,7 +56,7 @@ TOGETHER = 4  # searches of one size, flown together
 LARGEST = 1_600_000  # drones x steps x cells of the searches to plan
 LATER = 0.5  # part of the searches that are planned from a later step on
 NOISE = 0.5  # factor on the Gumbel noise of the actions before
-SECONDS = 0.0025  # work of the planner for each drone and step
+SECONDS = 0.008  # work of the planner for each drone and step
 EVERY = 2  # of so many steps of a plan, one is learned from
 ENOUGH = 0.99  # probability of success after which nothing is learned
 HIDDEN = 128  # units in each of the two hidden layers
@@ -165,7 +165,7 @@ def improve(
         for person, forecast, detection in persons
     ]
     searches = (actions[first:] == Action.SEARCH).T
-    plan = Plan(targets, first, [*map(DronePath, cells[first:].T, searches)])
+    plan = JointPlan(targets, first, [*map(DronePath, cells[first:].T, searches)])
     plan.anneal(SECONDS * searches.size, rng)
     cells, actions = cells.copy(), actions.copy()
     cells[first:] = np.transpose([path.cells for path in plan.paths])

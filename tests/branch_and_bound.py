@@ -13,9 +13,9 @@ from itertools import product
 import numpy as np
 
 from DroneSwarmSearch import Action
+from DroneSwarmSearch.bound.paths import values_to_go
 from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.planning.paths import values_to_go
 
 
 def best_success(of: NamedSearch) -> float:

@@ -13,11 +13,11 @@ from branch_and_bound import best_success
 from helpers import inside, target_of
 
 from DroneSwarmSearch import Action, Scenario
+from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.planning.joint_plan import Plan
+from DroneSwarmSearch.planning.joint_plan import JointPlan
 from DroneSwarmSearch.planning.passes import Target
-from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.policies import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
@@ -173,7 +173,9 @@ def success_of(
 ) -> list[float]:
     """The probability that drones on some paths find each missing person."""
     first = 0 if tracker is None else tracker.step
-    return [float(found.sum()) for found in Plan(targets_of(of, tracker), first, paths).found()]
+    return [
+        float(found.sum()) for found in JointPlan(targets_of(of, tracker), first, paths).found()
+    ]
 
 
 def observations(cells: Sequence[Cell], matrix: np.ndarray) -> dict[str, Any]:

@@ -82,7 +82,7 @@ def alone(policy: Callable[[Any], dict[str, int]], each: NamedSearch, seed: int)
     """What an evaluation records, played in a single environment."""
     env = DroneSwarmSearch(scenario=each.scenario)
     observations, _ = env.reset(seed=seed, drones_positions=each.drones)
-    found_at, total, steps = [0] * len(each.scenario.situation), 0.0, 0
+    found_at, total, steps = [0] * len(each.scenario.persons_to_find), 0.0, 0
     while env.agents:
         observations, rewards, *_ = env.step(policy(observations))
         steps += 1

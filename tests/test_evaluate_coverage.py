@@ -119,7 +119,7 @@ def test_two_drones_that_stay_where_they_are() -> None:
 def test_coverage_is_the_exact_success_of_a_rescue_with_one_person() -> None:
     """The policy acts alike in both missions until the person is found."""
     scenario = mission(timestep_limit=8).scenario
-    person = scenario.situation[0]
+    person = scenario.persons_to_find[0]
     for policy in ("planner", "parallel-sweep"):
         rescue, coverage = (
             evaluated(

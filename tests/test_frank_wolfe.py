@@ -12,9 +12,9 @@ from small_searches import forecast_of, paths_of, search, success_of
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.bound.frank_wolfe import frank_wolfe
 from DroneSwarmSearch.bound.objectives import MarkovChainObjective
+from DroneSwarmSearch.bound.paths import values_to_go
 from DroneSwarmSearch.bound.success import drone_paths
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
-from DroneSwarmSearch.planning.paths import values_to_go
 from DroneSwarmSearch.policies import make
 
 Floats = np.ndarray

@@ -55,7 +55,7 @@ def board_of(*rows: tuple[str, str, int, int], bound: float | None = None, **mad
     """A leaderboard of rows with policy, search, finds in 100 episodes, and their step."""
     several = []
     for policy, search, finds, step in rows:
-        found = np.zeros((100, len(SUITE[search].scenario.situation)), np.int64)
+        found = np.zeros((100, len(SUITE[search].scenario.persons_to_find)), np.int64)
         found[:finds] = step
         several.append(made_evaluation(found, SUITE[search], policy=policy, bound=bound, **made))
     return Leaderboard(several)

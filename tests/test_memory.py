@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from DroneSwarmSearch.bound.memory import Histories, RememberingDrones
+from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.bound.trajectories import Trajectories
 from DroneSwarmSearch.core.grid import MOVES
-from DroneSwarmSearch.planning.paths import Path
 
 Floats = np.ndarray
 Case = tuple[Trajectories, float, int, np.random.Generator]

@@ -8,7 +8,7 @@ import hypothesis.strategies as st
 import numpy as np
 from hypothesis import given, settings
 
-from DroneSwarmSearch.planning.paths import FORBIDDEN, best_paths, values_to_go
+from DroneSwarmSearch.bound.paths import FORBIDDEN, best_paths, values_to_go
 
 Option = tuple[float, list[int], list[bool]]
 Board = tuple[np.ndarray, np.ndarray, np.ndarray, list[list[int]]]

@@ -21,11 +21,11 @@ from small_searches import (
     uncertain_persons,
 )
 
+from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.planning.joint_plan import Plan
+from DroneSwarmSearch.planning.joint_plan import JointPlan
 from DroneSwarmSearch.planning.passes import Passes
-from DroneSwarmSearch.planning.paths import Path
-from DroneSwarmSearch.planning.windows import Boxes, Window
+from DroneSwarmSearch.planning.windows import Boxes, TargetWindow
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
 
@@ -65,7 +65,7 @@ def test_value_and_success_are_the_sums_over_all_trajectories(
     of, paths, worth = plan_of
     targets = targets_of(of, worth=worth)
     targets[-1].worth = weight * worth
-    plan = Plan(targets, 0, paths)
+    plan = JointPlan(targets, 0, paths)
     found = [
         found_in_each_step(forecast_of(of, person), target.detection, schedule_of(paths))
         for person, target in enumerate(targets)
@@ -81,14 +81,14 @@ def test_annealing_keeps_paths_legal_and_values_exact(
     plan_of: tuple[NamedSearch, list[Path], np.ndarray], seed: int, heat: float
 ) -> None:
     of, paths, worth = plan_of
-    plan = Plan(targets_of(of, worth=worth), 0, paths)
+    plan = JointPlan(targets_of(of, worth=worth), 0, paths)
     value, fractions = plan.value(), []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("DroneSwarmSearch.planning.joint_plan.HOTTEST", heat)
         plan.anneal(0.02, np.random.default_rng(seed), report=fractions.append)
     assert plan.value() >= value - 1e-9
     assert plan.value() == pytest.approx(
-        Plan(targets_of(of, worth=worth), 0, plan.paths).value(), abs=1e-12
+        JointPlan(targets_of(of, worth=worth), 0, plan.paths).value(), abs=1e-12
     )
     assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
     assert fractions == sorted(fractions)
@@ -103,7 +103,7 @@ def test_the_gain_of_a_trial_is_exact(
     """Hot trials change paths at random, of one drone or of two that exchange their rests."""
     of, paths, worth = plan_of
     rng = np.random.default_rng(seed)
-    plan = Plan(targets_of(of, worth=worth), 0, paths)
+    plan = JointPlan(targets_of(of, worth=worth), 0, paths)
     for _ in range(5):
         begin = int(rng.integers(len(worth)))
         end = int(rng.integers(begin + 1, len(worth) + 1))
@@ -123,7 +123,7 @@ def test_a_repeated_search_gains_what_the_first_has_left(detection: float) -> No
     (target,) = targets_of(of, worth=np.ones(6))
     passes = Passes(target, 0, random_paths(of, 6, 0))
     everywhere = Boxes(np.array([0]), np.array([0]), 4, 4, 4)
-    gains, again = Window(passes, 2, 3, everywhere).gains(everywhere)
+    gains, again = TargetWindow(passes, 2, 3, everywhere).gains(everywhere)
     assert gains.shape == (3, 1, 1, 4, 4)
     assert gains[0, 0, 0, 1, 2] > 0.0
     np.testing.assert_allclose(again[0], gains[0])
@@ -137,7 +137,7 @@ def test_a_path_meets_the_person_as_early_as_possible() -> None:
         disperse_constant=0, timestep_limit=5, probability_of_detection=0.6,
     )  # fmt: skip
     idle = Path(np.full(6, 15), np.zeros(5, np.bool_))
-    plan = Plan(targets_of(of, worth=np.linspace(2, 1, 5)), 0, [idle])
+    plan = JointPlan(targets_of(of, worth=np.linspace(2, 1, 5)), 0, [idle])
     plan.anneal(0.1, np.random.default_rng(0))
     assert plan.value() == pytest.approx(0.6 * 1.25)
     assert plan.paths[0].cells[3] == 3  # (3, 0), in step 3 as the person

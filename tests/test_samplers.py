@@ -53,7 +53,7 @@ def test_sampled_searches_are_those_of_the_single_environment_across_catalogues(
                 for episode in range(episodes[row] + 1):
                     env.reset(seed=None if episode else row, options=positions)
                 episodes[row] += 1
-                different.add(batch.scenario_of(row).situation)
+                different.add(batch.scenario_of(row).persons_to_find)
             if turn % 5 == 0 or ended[row]:
                 assert plain(vars(batch.frame(row))) == without_history(envs[row].frame())
         actions = rng.choice([0, 1, 2, 3, 4, 4, 4, 5, 5], (rows, 2))
@@ -74,11 +74,11 @@ def test_a_new_catalogue_serves_episodes_under_way_before_their_next_step() -> N
     batch.reset([1, 2])
     for _ in range(100):  # row 1 flies on, beyond the steps that a new table begins with
         batch.step([[5, 5]] * 2)
-    before = batch.scenario_of(1).situation
+    before = batch.scenario_of(1).persons_to_find
     for _ in range(1100):  # more episodes than a catalogue lasts
         batch.reset(rows=np.array([0]))
         frame = batch.frame(1)
-    assert batch.scenario_of(1).situation == before
+    assert batch.scenario_of(1).persons_to_find == before
     batch.step([[5, 5], [4, 4]])
     assert frame.step == 100 and frame.matrix.sum() > 0.1
 

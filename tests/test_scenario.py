@@ -170,5 +170,5 @@ def test_the_success_rates_of_the_example_are_as_documented() -> None:
 def test_what_is_cached_is_not_pickled() -> None:
     scenario = Scenario(**OTHER)
     before = pickle.dumps(scenario)
-    assert len(scenario.situation) == 2
+    assert len(scenario.persons_to_find) == 2
     assert pickle.dumps(scenario) == before

@@ -170,7 +170,9 @@ def test_plans_bounds_and_searches_in_expectation(persons):
     success = {}
     for name in ("creeping-line", "greedy-matrix", "greedy-posterior", "planner"):
         env, policy = DroneSwarmSearch(scenario=scenario), make(name, scenario)
-        searches = ExpectedSearches([scenario], [starts]) if len(scenario.situation) == 1 else None
+        searches = (
+            ExpectedSearches([scenario], [starts]) if len(scenario.persons_to_find) == 1 else None
+        )
         observations, _ = env.reset(options={"drones_positions": starts})
         while env.agents:
             actions = policy(observations)
@@ -205,4 +207,4 @@ def test_evaluations_agree_with_the_finds_of_vector_environments(persons):
         *_, infos = envs.step(np.full((400, 2), Action.SEARCH))
         found |= np.asarray(infos["is_success"])
     assert found.mean() == pytest.approx(searching.success.value, abs=0.1)
-    assert len(scenario.situation) > 1 or found.mean() > 0.1
+    assert len(scenario.persons_to_find) > 1 or found.mean() > 0.1

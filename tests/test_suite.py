@@ -81,7 +81,7 @@ def test_files_of_tracks_are_read_when_a_search_is_used(monkeypatch):
 @pytest.mark.parametrize("name", list(simulator.SCENES))
 def test_new_tracks_of_the_script_are_where_those_of_the_suite_are(name):
     found = search(name)
-    (person,) = found.scenario.situation
+    (person,) = found.scenario.persons_to_find
     assert (len(person.drift.tracks), person.drift.tracks.steps) == (
         simulator.TRACKS,
         simulator.STEPS,

@@ -118,7 +118,7 @@ def test_forms_copies_and_files_are_equal(form):
     for copied in (
         pickle.loads(pickle.dumps(person)),
         Person.from_dict(json.loads(json.dumps(person.to_dict()))),
-        Scenario.from_dict(data).situation[0],
+        Scenario.from_dict(data).persons_to_find[0],
     ):
         assert copied == person and hash(copied) == hash(person)
     # Files and fingerprints of searches without survival stay as they were.
@@ -224,7 +224,7 @@ def test_success_is_the_mean_of_finding_alive():
 
 def found_alive(of: NamedSearch, positions: Any, searching: Any) -> float:
     """The value of one drone's path for a still person, from each cell's probability of a find."""
-    (person,) = of.scenario.situation
+    (person,) = of.scenario.persons_to_find
     chance = {
         drift.start: w for drift, w in zip(person.drift.drifts, person.drift.weights, strict=True)
     }

@@ -33,7 +33,7 @@ class Objective(Protocol):
         """Move the current point towards one of the oracle's, by about the best step size."""
 
 
-class Solution(NamedTuple):
+class Optimum(NamedTuple):
     """The value at the best point found, and an upper bound on the objective's maximum."""
 
     value: float
@@ -52,7 +52,7 @@ def frank_wolfe(
     gap: float,
     iterations: int,
     upper_bound: float = math.inf,
-) -> Solution:
+) -> Optimum:
     """Maximise a concave function over the mixtures of what an oracle can return.
 
     Args:
@@ -76,7 +76,7 @@ def frank_wolfe(
         if upper_bound - value <= gap * upper_bound or iteration == iterations:
             break
         objective.move_towards(target)
-    return Solution(value, upper_bound)
+    return Optimum(value, upper_bound)
 
 
 def line_search(value: Callable[[float], float]) -> float:

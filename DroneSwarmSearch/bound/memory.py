@@ -68,7 +68,7 @@ class Histories:
         self.after_move: Ints = np.array(after_move)
 
 
-class _Step(NamedTuple):
+class _Grouped(NamedTuple):
     """The trajectories in one step, grouped by cell and past.
 
     Attributes:
@@ -210,12 +210,12 @@ class RememberingDrones:
                 here_now[histories.after_move[k]] += arriving
         return flow
 
-    def _backward(self, sums: Sequence[Floats]) -> Iterator[tuple[_Step, Singles, Floats]]:
+    def _backward(self, sums: Sequence[Floats]) -> Iterator[tuple[_Grouped, Singles, Floats]]:
         """The steps, the last one first, with their credits and sums."""
         steps = len(self._steps)
         return zip(self._steps[::-1], self._credits[:steps][::-1], sums[:steps][::-1], strict=True)
 
-    def _grouped(self, number: int) -> _Step:
+    def _grouped(self, number: int) -> _Grouped:
         """Group the trajectories in a step."""
         here = self._cells[number]
         y, x = np.divmod(here, self._size)
@@ -238,7 +238,7 @@ class RememberingDrones:
         top, left, right = int(rows.min()), int(columns.min()), int(columns.max()) + 1
         box = slice(top, int(rows.max()) + 1), slice(left, right)
         place = ((rows - top) * (right - left) + columns - left)[cell_of]
-        return _Step(group.astype(np.int32), past_of, place, pasts, box, len(cells))
+        return _Grouped(group.astype(np.int32), past_of, place, pasts, box, len(cells))
 
     @cached_property
     def _credits(self) -> list[Singles]:
@@ -258,7 +258,7 @@ class RememberingDrones:
             credits.append(by_number.astype(np.float32)[earlier])
         return credits
 
-    def _gains(self, step: _Step, credits: Singles, sums: Floats) -> Singles:
+    def _gains(self, step: _Grouped, credits: Singles, sums: Floats) -> Singles:
         """The gain of searching each cell in the box with each history: shape (H, y, x)."""
         height, width = (each.stop - each.start for each in step.box)
         table = np.zeros((step.pasts.shape[1], height * width), np.float32)

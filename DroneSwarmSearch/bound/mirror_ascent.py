@@ -38,7 +38,7 @@ CHECKS = 4
 """How often the method compares the bound with the value, and may stop."""
 
 
-class Solution(NamedTuple):
+class BestMixture(NamedTuple):
     """A mixture of paths, and a bound on all.
 
     Attributes:
@@ -66,7 +66,7 @@ def mirror_ascent(
     iterations: int,
     batch: int = BATCH,
     sums: list[Floats] | None = None,
-) -> Solution:
+) -> BestMixture:
     """Maximise the mean of a function over the mixtures of drones' paths.
 
     Args:
@@ -114,4 +114,4 @@ def mirror_ascent(
                 break
     tangents = intercept / total, slopes / total
     effective, effort = total / float(weights.max()), mean.sum(axis=1, dtype=np.float64)
-    return Solution(value, upper_bound, effective, sums, tangents, effort)
+    return BestMixture(value, upper_bound, effective, sums, tangents, effort)

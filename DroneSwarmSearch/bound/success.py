@@ -43,8 +43,9 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.bound.frank_wolfe import frank_wolfe
 from DroneSwarmSearch.bound.memory import RememberingDrones
-from DroneSwarmSearch.bound.mirror_ascent import CHECKS, Solution, mirror_ascent
+from DroneSwarmSearch.bound.mirror_ascent import CHECKS, BestMixture, mirror_ascent
 from DroneSwarmSearch.bound.objectives import MarkovChainObjective, TrajectoryObjective
+from DroneSwarmSearch.bound.paths import best_paths, values_to_go
 from DroneSwarmSearch.bound.trajectories import (
     Trajectories,
     chernoff_bound,
@@ -54,7 +55,6 @@ from DroneSwarmSearch.bound.trajectories import (
 )
 from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
 from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.planning.paths import best_paths, values_to_go
 
 SAMPLE = 2**18
 """Trajectories in a sample; with one person, sampling adds at most 0.4 percentage points."""
@@ -141,7 +141,7 @@ def success_bound(
         checks.integer("memory", memory, 0, MOST_MEMORY)
     horizons = min(horizons, limit)
     ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)}, reverse=True)
-    persons = scenario.situation
+    persons = scenario.persons_to_find
     models = dict(zip(persons, scenario.forecasts(), strict=True))  # equal persons share a bound
     enumerated = [enumerate_trajectories(model, limit) for model in models.values()]
     sampled = enumerated.count(None)
@@ -210,7 +210,7 @@ class _Relaxation:
     failure: float | None
     gap: float
 
-    def curve(self, ends: Sequence[int], memory: int | None) -> tuple[Floats, Solution]:
+    def curve(self, ends: Sequence[int], memory: int | None) -> tuple[Floats, BestMixture]:
         """The bound after each number of steps, and the solution for the first of `ends`."""
         drones = self._drones(WORK, memory)
         solution = self._solve(drones, ITERATIONS)
@@ -242,7 +242,7 @@ class _Relaxation:
 
     def _solve(
         self, drones: RememberingDrones, iterations: int, sums: list[Floats] | None = None
-    ) -> Solution:
+    ) -> BestMixture:
         """Maximise E[min(Z, g(N))]."""
         objective = TrajectoryObjective(self.detection)
         batch = {} if self.failure else {"batch": len(drones.probabilities)}
@@ -250,7 +250,7 @@ class _Relaxation:
             drones, objective, gap=self.gap, iterations=iterations, sums=sums, **batch
         )
 
-    def _certain(self, upper_bound: float, solution: Solution, share: float) -> float:
+    def _certain(self, upper_bound: float, solution: BestMixture, share: float) -> float:
         """Add the sampling error, given a share of the failure probability.
 
         How batches count depends on when the method stops, so the bound must hold at all checks.

@@ -1,4 +1,4 @@
-"""The commands; `cli` parses their arguments."""
+"""The commands that evaluate, record and export, and how errors of commands are reported."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class NamedSearch:
     @property
     def outline(self) -> str:
         """The main parameters, in a line."""
-        scenario, persons, scale = self.scenario, self.scenario.situation, self.scale
+        scenario, persons, scale = self.scenario, self.scenario.persons_to_find, self.scale
         width, steps = "", f"{scenario.timestep_limit:,} steps"
         if scale is not None:
             width = f" of {scale.metres_per_cell:g} m"

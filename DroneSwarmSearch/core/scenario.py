@@ -160,7 +160,7 @@ class Scenario:
         return cls(**{**data, "reward_scheme": scheme, "persons": persons})
 
     @cached_property
-    def situation(self) -> tuple[Person, ...]:
+    def persons_to_find(self) -> tuple[Person, ...]:
         """The persons to find, whichever parameters describe them."""
         if self.persons is not None:
             return self.persons
@@ -183,12 +183,12 @@ class Scenario:
 
     def forecasts(self) -> tuple[DriftModel, ...]:
         """The drift model of each person."""
-        return tuple(drift_model(person.drift, self.grid_size) for person in self.situation)
+        return tuple(drift_model(person.drift, self.grid_size) for person in self.persons_to_find)
 
     @property
     def detections(self) -> tuple[float, ...]:
         """The probability of detection of each person."""
-        return tuple(person.probability_of_detection for person in self.situation)
+        return tuple(person.probability_of_detection for person in self.persons_to_find)
 
     @property
     def keeps_beliefs(self) -> bool:
@@ -204,7 +204,7 @@ class Scenario:
         the drift.
         """
         beyond: float = max(
-            person.drift.mass_beyond(self.grid_size, step) for person in self.situation
+            person.drift.mass_beyond(self.grid_size, step) for person in self.persons_to_find
         )
         return beyond
 

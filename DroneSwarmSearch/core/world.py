@@ -37,7 +37,7 @@ class WorldState:
 
     def __init__(self, scenario: Scenario) -> None:
         self._models = scenario.forecasts()
-        self._situation, self._detections = scenario.situation, scenario.detections
+        self._persons, self._detections = scenario.persons_to_find, scenario.detections
         self._keeps_beliefs = scenario.keeps_beliefs
         self._shows_beliefs = scenario.bayesian_update
         self._pays_expectation = scenario.reward_scheme.expected_finds
@@ -139,7 +139,7 @@ class WorldState:
         times the probability that the person is alive.
         """
         if self._pays_expectation:
-            pairs = zip(self._begun_beliefs(), self._situation, strict=True)
+            pairs = zip(self._begun_beliefs(), self._persons, strict=True)
             added = [b.added_success([*searches], person.alive(self.step)) for b, person in pairs]
             return dict(zip(searches.values(), mean_over_missing(added, ()).tolist(), strict=True))
         item = self._matrix.item

@@ -205,56 +205,79 @@ def tabulate(
     `previous` are the steps before the first, None if that is 0; `hypotheses` is the least M, and
     persons with fewer have some of weight 0.
     """
-    size, most = grid_size, max(hypotheses, *(len(person.drifts) for person in persons))
-    absent = [[_ABSENT] * (most - len(person.drifts)) for person in persons]
-    drifts = [
-        d for person, rest in zip(persons, absent, strict=True) for d in (*person.drifts, *rest)
-    ]
-    weights = np.array(
-        [(*p.weights, *[0.0] * len(rest)) for p, rest in zip(persons, absent, strict=True)]
-    )
+    most = max(hypotheses, *(len(person.drifts) for person in persons))
+    drifts, weights = _padded(persons, most)
     axes = Axes.of(drifts)
-    priors = [
-        (number, drift.prior) for number, drift in enumerate(drifts) if drift.prior is not None
-    ]
-    starts = {2 * n + axis: prior.sum(axis=axis) for n, prior in priors for axis in (0, 1)}
+    priors = {n: drift.prior for n, drift in enumerate(drifts) if drift.prior is not None}
     steps = np.arange(first, first + count, dtype=np.float64)[:, None]
-    targets, shift = distribution(size, axes, steps + 1.0), axes.shift(size, steps)
-    followed = np.ones((size + 2, count + 1, len(axes.start)))
-    followed[0] = 0.0
-    followed[1:-1, 0] = distribution(size, axes, np.array(0.0))
-    for axis, start in starts.items():
-        one = Axes(*(values[..., [axis]] for values in axes))
-        targets[..., [axis]] = _mixed_distribution(size, one, steps + 1.0, start)
-        rates = np.atleast_2d(one.velocity)
-        shift[:, [axis]] = np.minimum(np.abs(rates[rate_at(rates, steps)[1]]), 1.0)
-        followed[1:-2, 0, axis] = np.minimum(start.cumsum()[:-1], 1.0)
-    if previous is not None:
-        followed[:, 0] = previous.cdf
-    for step in range(count):  # the nearest to the target that can be reached
-        after = followed[1:-1, step + 1]
-        np.maximum(targets[:, step], followed[:-2, step], out=after)
-        np.minimum(after, followed[2:, step], out=after)
+    followed, shift = _followed(grid_size, axes, priors, steps, previous)
     rate = _exchange_rate(axes.diffusion, shift)
     tables = _moves_between(followed[:, :-1], followed[:, 1:], rate)
-    shape = (count, len(persons), most, 2, size)
+    shape = (count, len(persons), most, 2, grid_size)
     factors, higher, lower = (
         np.ascontiguousarray(np.moveaxis(table, 0, -1)).reshape(shape) for table in tables
     )
     factors[..., 1, :] *= weights[:, :, None]
     moves, joint = all_moves(higher, lower), None
     if priors:
-        joint = np.empty((count + 1, len(persons), most, size, size))
-        joint[:-1] = joint_of(factors)
-        for number, prior in priors:
-            joint[0, number // most, number % most] = weights.flat[number] * prior
-        drift = Drifter(joint.shape[2:])
-        for person in {number // most for number, _ in priors}:
-            if previous is not None and previous.joint is not None:
-                joint[0, person] = previous.joint[-1, person]
-            for step in range(count):
-                joint[step + 1, person] = drift(joint[step, person], moves[:, step, person])
+        joint = _carried(factors, moves, priors, weights, previous)
     return Steps(factors, moves, joint, followed[:, -1].copy())
+
+
+def _padded(persons: Sequence[Hypotheses], most: int) -> tuple[list[Drift], Floats]:
+    """`most` hypotheses of each person in turn, some of them absent, and their weights, (K, M)."""
+    drifts: list[Drift] = []
+    weights = np.zeros((len(persons), most))
+    for row, person in zip(weights, persons, strict=True):
+        drifts += [*person.drifts, *[_ABSENT] * (most - len(person.drifts))]
+        row[: len(person.weights)] = person.weights
+    return drifts, weights
+
+
+def _followed(
+    grid_size: int, axes: Axes, priors: dict[int, Floats], steps: Floats, previous: Steps | None
+) -> tuple[Floats, Floats]:
+    """F before and after each step, padded: (N + 2, n + 1, A); and `Axes.shift` of each, (n, A)."""
+    targets, shift = distribution(grid_size, axes, steps + 1.0), axes.shift(grid_size, steps)
+    followed = np.ones((grid_size + 2, len(steps) + 1, len(axes.start)))
+    followed[0] = 0.0
+    followed[1:-1, 0] = distribution(grid_size, axes, np.array(0.0))
+    starts = {2 * n + axis: prior.sum(axis=axis) for n, prior in priors.items() for axis in (0, 1)}
+    for axis, start in starts.items():
+        one = Axes(*(values[..., [axis]] for values in axes))
+        targets[..., [axis]] = _mixed_distribution(grid_size, one, steps + 1.0, start)
+        rates = np.atleast_2d(one.velocity)
+        shift[:, [axis]] = np.minimum(np.abs(rates[rate_at(rates, steps)[1]]), 1.0)
+        followed[1:-2, 0, axis] = np.minimum(start.cumsum()[:-1], 1.0)
+    if previous is not None:
+        followed[:, 0] = previous.cdf
+    for step in range(len(steps)):  # the nearest to the target that can be reached
+        after = followed[1:-1, step + 1]
+        np.maximum(targets[:, step], followed[:-2, step], out=after)
+        np.minimum(after, followed[2:, step], out=after)
+    return followed, shift
+
+
+def _carried(
+    factors: Floats,
+    moves: Floats,
+    priors: dict[int, Floats],
+    weights: Floats,
+    previous: Steps | None,
+) -> Floats:
+    """`Steps.joint`: matrices from arrays are carried along by the moves of each step."""
+    count, persons, most, _, size = factors.shape
+    joint = np.empty((count + 1, persons, most, size, size))
+    joint[:-1] = joint_of(factors)
+    for number, prior in priors.items():
+        joint[0, number // most, number % most] = weights.flat[number] * prior
+    drift = Drifter(joint.shape[2:])
+    for person in {number // most for number in priors}:
+        if previous is not None and previous.joint is not None:
+            joint[0, person] = previous.joint[-1, person]
+        for step in range(count):
+            joint[step + 1, person] = drift(joint[step, person], moves[:, step, person])
+    return joint
 
 
 def joint_of(factors: Floats) -> Floats:

@@ -25,7 +25,7 @@ from DroneSwarmSearch.drift.model import DriftModel, Forecasts
 from DroneSwarmSearch.drift.tracks import Tracks
 
 
-class _Step(NamedTuple):
+class _Transitions(NamedTuple):
     """The states at a step, and the transitions to the next one; states are numbers in flat mass.
 
     Attributes:
@@ -68,7 +68,7 @@ class Chain(DriftModel):
         self.kept_cells = visited.nonzero()[0]
         self._shape = len(self.weights) * fine**2, *super().state_shape[1:]
         self._at = lru_cache(maxsize=1)(self._states_at)  # for the next step's table
-        self._steps: dict[int, _Step] = {}
+        self._steps: dict[int, _Transitions] = {}
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self), self.key
@@ -135,19 +135,19 @@ class Chain(DriftModel):
         return place, now.after[which], probabilities[place] * (now.sums[which] - before)
 
     @classmethod
-    def together(cls, models: Sequence[Any], **options: Any) -> ChainForecasts:
+    def batched(cls, models: Sequence[Any], **options: Any) -> ChainForecasts:
         return ChainForecasts(models, **options)
 
     # Counting.
 
-    def transitions(self, step: int) -> _Step:
+    def transitions(self, step: int) -> _Transitions:
         """The table of a step, counted on first use; that of the last one leads to itself."""
         step = min(step, self._tracks.steps)
         if step not in self._steps:
             self._steps[step] = self._counted(step)
         return self._steps[step]
 
-    def _counted(self, step: int) -> _Step:
+    def _counted(self, step: int) -> _Transitions:
         size, weights = self._shape[0] * self.layer, self._tracks.weights
         x, y, here = self._at(step)
         next_x, next_y, there = self._at(min(step + 1, self._tracks.steps))
@@ -176,7 +176,7 @@ class Chain(DriftModel):
         order = order[
             np.lexsort((np.repeat((-degrees).argsort(kind="stable").argsort(), degrees), ordinal))
         ]
-        return _Step(
+        return _Transitions(
             states,
             mass,
             first,

@@ -274,13 +274,7 @@ def person(
         jibes = 0.0
     drifts = hypotheses(math.exp(-jibes), True)
     if jibes:
-        sides = hypotheses(-math.expm1(-jibes), False)
-        times = np.linspace(0, known.adrift, _PARTS + 1)[:, None]
-        paths = [displaced(np.asarray(side.vector), times) for side in sides]
-        for side, path, other in zip(sides, paths, paths[::-1], strict=True):
-            shift, shift_sd = _after_jibes(other - path, jibes)
-            place, start_sd = np.add(known.start, shift), np.hypot(known.start_sd, shift_sd)
-            drifts.append(replace(side, start=tuple(place), start_sd=tuple(start_sd)))
+        drifts += _jibed(hypotheses(-math.expm1(-jibes), False), known, jibes)
     fastest = max(np.abs(np.asarray(drift.vector)).max() for drift in drifts)
     if fastest > 1.0:
         warnings.warn(
@@ -343,6 +337,18 @@ def _in_each_step(scale: Scale, **series: Any) -> list[Floats]:
         np.stack([np.interp(middles[:count], times, column) for column in points.T], axis=-1)
         for count, times, points in given
     ]
+
+
+def _jibed(sides: list[Drift], known: Drift, jibes: float) -> list[Drift]:
+    """Each side of the wind for objects that have jibed and were on the other one before."""
+    times = np.linspace(0, known.adrift, _PARTS + 1)[:, None]
+    paths = [displaced(np.asarray(side.vector), times) for side in sides]
+    drifts = []
+    for side, path, other in zip(sides, paths, paths[::-1], strict=True):
+        shift, shift_sd = _after_jibes(other - path, jibes)
+        place, start_sd = np.add(known.start, shift), np.hypot(known.start_sd, shift_sd)
+        drifts.append(replace(side, start=tuple(place), start_sd=tuple(start_sd)))
+    return drifts
 
 
 def _after_jibes(apart: Floats, jibes: float) -> tuple[Floats, Floats]:

@@ -200,7 +200,7 @@ class DriftModel(ABC):
     # The array form.
 
     @classmethod
-    def together(cls, models: Sequence[Any], **options: Any) -> Forecasts:
+    def batched(cls, models: Sequence[Any], **options: Any) -> Forecasts:
         """The array form of several models of this class; `options` are those of `Forecasts`."""
         return Forecasts(models, **options)
 
@@ -211,7 +211,7 @@ def forecasts_of(models: Sequence[DriftModel], **options: Any) -> tuple[Forecast
     places = {key: number for number, key in enumerate(different)}
     kinds = {type(model) for model in models}
     kind = kinds.pop() if len(kinds) == 1 else DriftModel
-    forecasts = kind.together([*different.values()], **options)
+    forecasts = kind.batched([*different.values()], **options)
     return forecasts, np.array([places[model.key] for model in models])
 
 

@@ -1,8 +1,8 @@
-"""The drift model of `Hypotheses`, a mixture, each drifting along x and y on its own.
+"""The drift model of `Hypotheses`: a mixture of them, which drift along x and y on their own.
 
 The matrix of a hypothesis is separable: at step t it is the outer product of one probability
 vector per axis. Only if the start of one is an array, the matrices of all hypotheses are carried
-along by the moves of each step. `tables` computes both in blocks of consecutive steps on demand.
+along by the moves of each step. `axes` computes both in blocks of consecutive steps on demand.
 """
 
 from __future__ import annotations
@@ -32,9 +32,6 @@ CACHE_BYTES = 16 * 2**20
 
 _BLOCK_STEPS = 32
 _BLOCK_BYTES = 4 * 2**20
-
-_LARGEST_DENSE = 64
-"""The largest grid on which products with transition matrices are fast."""
 
 _MATRICES_BYTES = 2**28
 """The largest transition matrices that a forecast keeps."""
@@ -127,17 +124,11 @@ class ProbabilityMatrix(DriftModel):
     # The steps of a distribution.
 
     def forward(self, mass: Floats, step: int) -> Floats:
-        if self.grid_size > _LARGEST_DENSE:
-            return self.drift(mass, step)
         along_x, along_y = self.matrices(step)
         moved: Floats = along_y.swapaxes(-1, -2) @ mass @ along_x
         return moved
 
     def backward(self, value: Floats, step: int) -> Floats:
-        if self.grid_size > _LARGEST_DENSE:
-            moves = self._moves(step)
-            by_column = _expected(value, moves[:, :, 1]).swapaxes(1, 2)
-            return _expected(by_column, moves[:, :, 0]).swapaxes(1, 2)
         along_x, along_y = self.matrices(step)
         expected: Floats = along_y @ value @ along_x.swapaxes(-1, -2)
         return expected
@@ -211,7 +202,7 @@ class ProbabilityMatrix(DriftModel):
         return place, states[place] + (dy - 1) * self.grid_size + dx - 1, onward[dy, dx, place]
 
     @classmethod
-    def together(cls, models: Sequence[Any], **options: Any) -> ForecastTables:
+    def batched(cls, models: Sequence[Any], **options: Any) -> ForecastTables:
         return ForecastTables(models, **options)
 
     # The tables.
@@ -248,12 +239,3 @@ class ProbabilityMatrix(DriftModel):
         assert block is not None
         self._block = block
         return block
-
-
-def _expected(value: Floats, moves: Floats) -> Floats:
-    """The expected value before a move along the rows, (M, N, N), of `_moves` along one axis."""
-    stays, higher, lower = moves[..., None]
-    expected: Floats = stays * value
-    expected[:, :-1] += higher[:, :-1] * value[:, 1:]
-    expected[:, 1:] += lower[:, 1:] * value[:, :-1]
-    return expected

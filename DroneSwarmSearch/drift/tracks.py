@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Floats
 from DroneSwarmSearch._internal.files import replacing
+from DroneSwarmSearch.drift import track_files
 from DroneSwarmSearch.drift.known import KnownDrift
 from DroneSwarmSearch.drift.scale import Scale
 
@@ -209,8 +210,6 @@ class Tracks:
         if Path(path).suffix == ".npz":
             tracks = _unpacked(Path(path))
         else:
-            from DroneSwarmSearch.drift import track_files
-
             if not isinstance(scale, Scale):
                 raise TypeError(f"scale must be a Scale, got {scale!r}")
             if start is not None and not (isinstance(start, datetime) and start.tzinfo):

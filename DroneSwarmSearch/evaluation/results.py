@@ -97,7 +97,7 @@ class Evaluation:
         last one is found, 0 if not all are; in a coverage mission, the mean over persons if they
         have the same curve of survival, else an approximation.
         """
-        persons, steps = self.search.scenario.situation, range(self.limit)
+        persons, steps = self.search.scenario.persons_to_find, range(self.limit)
         if all(person.survival is None for person in persons):
             return None
         alive = np.mean([[*map(person.alive, steps)] for person in persons], axis=0)

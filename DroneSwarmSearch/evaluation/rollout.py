@@ -85,8 +85,8 @@ def _searches_of(policy: Any, scenario: Scenario, drones_positions: Any) -> Iter
 
     Nobody is found on the way. The policy sees what `DroneSwarmSearch` shows.
     """
-    if len(scenario.situation) > 1:
-        raise ValueError(f"scenario must have one person, got {len(scenario.situation)}")
+    if len(scenario.persons_to_find) > 1:
+        raise ValueError(f"scenario must have one person, got {len(scenario.persons_to_find)}")
     plan = None if callable(policy) else checks.numbers("policy", policy, "a policy or a plan")
     batch = SearchBatch(1, scenario=scenario, drones_positions=drones_positions, finds_last=False)
     stage, steps = Stage(batch, View(form="parallel")), scenario.timestep_limit

@@ -109,7 +109,7 @@ class Case:
         is_deterministic = issubclass(spec.kind, SwarmPolicy)
         if deterministic is not None:
             is_deterministic = checks.boolean("deterministic", deterministic)
-        one_path = named.scenario.mission == "coverage" or len(named.scenario.situation) == 1
+        one_path = named.scenario.mission == "coverage" or len(named.scenario.persons_to_find) == 1
         return cls(spec, named, shown, is_deterministic and one_path)
 
     @property

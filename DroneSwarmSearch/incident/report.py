@@ -20,6 +20,7 @@ from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.drift import leeway
 from DroneSwarmSearch.drift.plane import EQUATOR, TangentPlane
 from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.drift.track_files import first_known, positions
 from DroneSwarmSearch.incident import particles, units
 from DroneSwarmSearch.incident.fields import Field
 from DroneSwarmSearch.incident.flights import Waypoint, in_utc, legs_of
@@ -81,15 +82,42 @@ class Report:
     def __post_init__(self) -> None:
         values = {each.name: getattr(self, each.name) for each in fields(self)}
         typed = {name: values[name] for name in ("position", "base") if values[name] is not None}
-        if self.tracks is not None:
-            self._with_tracks(values)
-        elif self.wind is None or self.object_class is None:
+        self._check_object(values)
+        self._check_places_and_times(values)
+        self._check_drones(values)
+        for name in FASTEST:
+            values[name] = read_flow(name, values[name], values["time"])
+        values["flown"] = tuple(
+            tuple(Waypoint(in_utc("flown", when), *rest) for when, *rest in flight)
+            for flight in self.flown
+        )
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "_typed", typed)
+
+    def _check_object(self, values: dict[str, Any]) -> None:
+        """Check what drifts; tracks complete the values."""
+        if self.tracks is None and (self.wind is None or self.object_class is None):
             raise ValueError(
                 "object_class and wind must be given, or tracks in their place, got "
                 f"object_class={self.object_class!r}, wind={self.wind!r}"
             )
-        else:
+        if self.tracks is None:
             leeway.class_of(self.object_class)
+            return
+        if self.object_class is not None:
+            raise ValueError("object_class cannot be given together with tracks")
+        if not Path(self.tracks).is_file():
+            raise ValueError(f"tracks must name a file, but there is no {str(self.tracks)!r}")
+        known, began = first_known(Path(self.tracks))
+        values.update(
+            tracks=os.fspath(self.tracks),
+            position=known if self.position is None else self.position,
+            time=began if self.time is None else self.time,
+            wind=(0.0, 0.0) if self.wind is None else self.wind,
+        )
+
+    def _check_places_and_times(self, values: dict[str, Any]) -> None:
         place, when = _position("position", values["position"]), in_utc("time", values["time"])
         base = place if self.base is None else _position("base", self.base)
         away = float(np.hypot(*TangentPlane(*place).metres(*base)))
@@ -102,6 +130,8 @@ class Report:
         if start < when:
             raise ValueError(f"start must not be before time, {when}, got {start}")
         values.update(position=place, time=when, base=base, start=start)
+
+    def _check_drones(self, values: dict[str, Any]) -> None:
         for name, kind in QUANTITIES.items():
             given = values[name]
             number = named(name, units.quantity, given, kind) if isinstance(given, str) else given
@@ -116,31 +146,6 @@ class Report:
                 f"reserve must be less than the endurance, {values['endurance']:g} s, got "
                 f"{values['reserve']:g} s"
             )
-        for name in FASTEST:
-            values[name] = read_flow(name, values[name], when)
-        values["flown"] = tuple(
-            tuple(Waypoint(in_utc("flown", when), *rest) for when, *rest in flight)
-            for flight in self.flown
-        )
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "_typed", typed)
-
-    def _with_tracks(self, values: dict[str, Any]) -> None:
-        """Complete and check the values of an incident with tracks."""
-        from DroneSwarmSearch.drift.track_files import first_known
-
-        if self.object_class is not None:
-            raise ValueError("object_class cannot be given together with tracks")
-        if not Path(self.tracks).is_file():
-            raise ValueError(f"tracks must name a file, but there is no {str(self.tracks)!r}")
-        known, began = first_known(Path(self.tracks))
-        values.update(
-            tracks=os.fspath(self.tracks),
-            position=known if self.position is None else self.position,
-            time=began if self.time is None else self.time,
-            wind=(0.0, 0.0) if self.wind is None else self.wind,
-        )
 
     @property
     def sentence(self) -> str:
@@ -218,8 +223,6 @@ class Report:
                 current_error=self.current_error,
             )
         else:
-            from DroneSwarmSearch.drift.track_files import positions
-
             cells, *_ = positions(
                 Path(self.tracks),
                 Scale(1.0, step),

@@ -1,4 +1,4 @@
-"""Search planning: plans for all drones (`plan`), and an upper bound on any success (`bound`)."""
+"""Search planning: plans for all drones (`joint_plan`), and the bound of the room `bound`."""
 
 from DroneSwarmSearch.bound.success import SuccessBound, success_bound
 

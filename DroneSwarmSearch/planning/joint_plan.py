@@ -30,22 +30,35 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch.bound.paths import FORBIDDEN, Path, best_paths, values_to_go
 from DroneSwarmSearch.core.grid import Grid
 from DroneSwarmSearch.planning.passes import Passes, Target
-from DroneSwarmSearch.planning.paths import FORBIDDEN, Path, best_paths, values_to_go
-from DroneSwarmSearch.planning.windows import Boxes, Window
+from DroneSwarmSearch.planning.windows import Boxes, TargetWindow
 
 Report = Callable[[float], None]
 """Is called from time to time with the completed fraction of some work."""
 
-SHORTEST, LONGEST, LONGEST_LATER = 3, 30, 15
-"""Lengths of a replaced segment, in steps; the longest at first and in the second half."""
+SHORTEST = 3
+"""The least length of a replaced segment, in steps."""
+
+LONGEST, LONGEST_LATER = (30, 70), 15
+"""The longest ones at first, between these limits, and at last."""
+
+ENDS = 0.1, 0.9, 1.0
+"""When each of three phases ends, as fractions of the work: in the first and the last one, the plan
+is cold; in between it is as hot as the work allows."""
 
 STRENGTHS = (0.2, 0.5, 1.0)
 """Standard deviations of the logarithm of the factors that distort gains."""
 
-HOTTEST, COLDEST = 2.0, 0.02
-"""The first and the last temperature, in units of a plan's mean value per drone and step."""
+COLD, HOTTEST, COLDEST = 0.1, 2.0, 0.02
+"""Temperatures, in units of a plan's mean value per drone and step: the first one of a cold phase,
+the highest first one of the phase in between, and the last one of each phase."""
+
+HEAT, USUAL = 0.05, 10.0
+"""The phase in between begins at this temperature times the trials that the work buys for each step
+of a drone: with few of them, a hot plan would not come back to the value that it began with. With
+fewer than usual, segments are longer, to change each step as often."""
 
 TOGETHER = 4
 """The most drones in a trial without pairs."""
@@ -62,11 +75,12 @@ NOISE = 2**18
 ENOUGH = 200
 """The most trials for each step of a drone; more improve small searches no further."""
 
-TRIAL_COST, STEP_COST, VALUE_COST = 130e-6, 75e-6, 9e-9
-"""The time of a trial, of each of its steps and of each mass of a candidate, in seconds, about."""
+TRIAL_COST, STEP_COST, VALUE_COST = 1200e-6, 270e-6, 12e-9
+"""The time of a trial, of each of its steps and of each mass of a candidate, in seconds, on a slow
+or a busy machine; a fast idle one takes half as long."""
 
 
-class Plan:
+class JointPlan:
     """The drones' paths over the next n steps, from the episode's step `first` on.
 
     Attributes:
@@ -100,26 +114,33 @@ class Plan:
         value = most = self.value()
         best = copy.deepcopy(self.paths)
         drone_steps = len(best) * self._steps
-        unit = max(value, 1e-9) / drone_steps
-        done = 0.0 if seconds else 1.0
-        while done < 1.0:
-            report(done)
-            temperature = unit * HOTTEST * (COLDEST / HOTTEST) ** done
-            longest = LONGEST if done < 0.5 else LONGEST_LATER
-            length = round(SHORTEST * (longest / SHORTEST) ** rng.random())
-            length = min(length, self._steps)
-            begin = min(max(begin, 0), self._steps - length)
-            factors = noises[int(rng.integers(len(noises)))]
-            gained, took = self.trial(begin, begin + length, temperature, factors, rng)
-            value += gained
-            done += max(took / seconds, 1.0 / (ENOUGH * drone_steps))
-            if value > most + 1e-9:
-                most = value
-                best = copy.deepcopy(self.paths)
-            begin += direction * int(rng.integers(4))
-            if not 0 <= begin <= self._steps - length:
-                direction = -direction
-        self._replace(range(len(best)), 0, best)
+        unit, trials = max(value, 1e-9) / drone_steps, 0
+        done, hottest, longest = 0.0 if seconds else 1.0, COLD, float(LONGEST[0])
+        for end in ENDS:
+            first = done
+            while done < end:
+                report(done)
+                part, trials = (done - first) / (end - first), trials + 1
+                temperature = unit * hottest * (COLDEST / hottest) ** part
+                most_steps = min(longest * (LONGEST_LATER / longest) ** part, self._steps)
+                length = min(round(SHORTEST * (most_steps / SHORTEST) ** rng.random()), self._steps)
+                begin = min(max(begin, 0), self._steps - length)
+                factors = noises[int(rng.integers(len(noises)))]
+                gained, took = self.trial(begin, begin + length, temperature, factors, rng)
+                value += gained
+                done += max(took / seconds, 1.0 / (ENOUGH * drone_steps))
+                if value > most + 1e-9:
+                    most = value
+                    best = copy.deepcopy(self.paths)
+                begin += direction * int(rng.integers(4))
+                if not 0 <= begin <= self._steps - length:
+                    direction = -direction
+            self._replace(range(len(best)), 0, copy.deepcopy(best))
+            value, hottest, longest = most, COLD, float(LONGEST_LATER)
+            if not first and trials:
+                in_all = trials / done / drone_steps
+                hottest = min(max(HEAT * in_all, COLD), HOTTEST)
+                longest = float(np.clip(LONGEST[0] * math.sqrt(USUAL / in_all), *LONGEST))
 
     def trial(
         self, begin: int, end: int, temperature: float, factors: Floats, rng: np.random.Generator
@@ -149,7 +170,7 @@ class Plan:
         ways = np.hstack([starts, starts]), np.hstack([old_goals, goals])
         reach = Boxes.around(*ways, steps, 0, size)
         boxes = Boxes.around(*ways, steps, steps // 2, size)
-        windows = [Window(passes, begin, steps, boxes) for passes in self._passes]
+        windows = [TargetWindow(passes, begin, steps, boxes) for passes in self._passes]
         values = steps * sum(window.cells for window in windows)
         candidates = min(max(VALUES // values, FEWEST), MOST)
         took = STEP_COST * steps + VALUE_COST * values * candidates
@@ -158,24 +179,7 @@ class Plan:
         for drones in teams.T:
             for window in windows:
                 old[:, 0] += window.remove(cells[:-1, drones], searches[:, drones])
-        taken = self._others(reach.numbers(cells[..., None]), teams)
-        total, new = np.zeros((count, candidates)), []
-        for place, drones in enumerate(teams.T):
-            gains = windows[0].gains(reach)
-            for window in windows[1:]:
-                gains = gains + window.gains(reach)
-            many = (steps, count, candidates, reach.height, reach.width)
-            some = factors[int(rng.integers(NOISE)) :][: math.prod(many)]
-            gains = np.maximum(gains, 0.0) * np.resize(some, many)  # below 0 by rounding errors
-            ends = -1 if is_tail else reach.numbers(goals[:, place])
-            begins = reach.numbers(cells[0, drones])
-            paths, looks, possible = _best(gains, begins, ends, taken)
-            for indices, here in zip(taken, paths[1:], strict=True):
-                indices.append((*np.indices(here.shape), here))
-            paths, is_last = reach.cells(paths), place == members - 1
-            total += sum(window.add(paths[:-1], looks, is_last) for window in windows)
-            total[~possible] = -np.inf
-            new.append((paths, looks))
+        total, new = self._proposed(windows, cells, teams, goals, reach, factors, rng, candidates)
         total = np.hstack([total - old, np.zeros((count, 1))])  # at last, the old paths
         chosen = (total / temperature + rng.gumbel(size=total.shape)).argmax(axis=1)
         gained, changed = 0.0, np.zeros(count, np.bool_)
@@ -187,6 +191,36 @@ class Plan:
                 parts = [Path(paths[:, box, best], looks[:, box, best]) for paths, looks in new]
                 self._replace(teams[box].tolist(), begin, parts)
         return gained, took
+
+    def _proposed(
+        self,
+        windows: Sequence[TargetWindow],
+        cells: Ints,
+        teams: Ints,
+        goals: Ints,
+        reach: Boxes,
+        factors: Floats,
+        rng: np.random.Generator,
+        candidates: int,
+    ) -> tuple[Floats, list[tuple[Ints, Flags]]]:
+        """The values of candidates in each box, (K, m), and their cells and searches by place."""
+        count, members = teams.shape
+        taken = self._others(reach.numbers(cells[..., None]), teams)
+        total, new = np.zeros((count, candidates)), []
+        for place, drones in enumerate(teams.T):
+            gains = sum(window.gains(reach) for window in windows)
+            many = (len(cells) - 1, count, candidates, reach.height, reach.width)
+            some = factors[int(rng.integers(NOISE)) :][: math.prod(many)]
+            gains = np.maximum(gains, 0.0) * np.resize(some, many)  # below 0 by rounding errors
+            ends = reach.numbers(goals[:, place]) if np.all(goals >= 0) else -1
+            paths, looks, possible = _best(gains, reach.numbers(cells[0, drones]), ends, taken)
+            for indices, here in zip(taken, paths[1:], strict=True):
+                indices.append((*np.indices(here.shape), here))
+            paths, is_last = reach.cells(paths), place == members - 1
+            total += sum(window.add(paths[:-1], looks, is_last) for window in windows)
+            total[~possible] = -np.inf
+            new.append((paths, looks))
+        return total, new
 
     def _teams(self, cells: Ints, rng: np.random.Generator) -> Ints:
         """The drones of each box: one, (K, 1), or two that are near each other, (K, 2)."""

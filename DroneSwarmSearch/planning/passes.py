@@ -1,4 +1,4 @@
-"""The forward and backward pass of a plan for one person, see `plan`."""
+"""The forward and backward pass of a plan for one person, see `joint_plan`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.planning.paths import Path
 
 
 @dataclass

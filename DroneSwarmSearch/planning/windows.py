@@ -66,7 +66,7 @@ class Boxes(NamedTuple):
         return meets
 
 
-class Window:
+class TargetWindow:
     """The masses and losses of one target in L steps, in K boxes of the grid.
 
     A loss is what a search loses to the rest of the plan: the worth of a find, less the rest. In

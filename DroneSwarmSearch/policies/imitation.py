@@ -19,7 +19,7 @@ from DroneSwarmSearch.layouts.masks import choose_in_turn
 from DroneSwarmSearch.policies.arrivals import INPUTS, TURNS, VIEWS, Arrivals
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy
-from DroneSwarmSearch.policies.open_loop import Act, PlannedPolicy, PlannedSearch, PlannedStep
+from DroneSwarmSearch.policies.open_loop import Act, OpenLoopMemory, OpenLoopPolicy, PlanStep
 
 SAMPLES = 4
 """Simulations with sampled actions before a search."""
@@ -103,7 +103,7 @@ class Network:
             raise ValueError(f"{path} must hold a network's weights: {error!r}") from error
 
 
-class ImitationPolicy(PlannedPolicy):
+class ImitationPolicy(OpenLoopPolicy):
     """A network trained to imitate the plans of random searches; every drone runs a copy of it.
 
     `examples/train_imitation.py` trains it: the plans start from the network's own paths, and the
@@ -143,7 +143,7 @@ class ImitationPolicy(PlannedPolicy):
         self._arrivals = Arrivals(scenario.grid_size, scenario.n_drones)
         self._greedy = ForecastGreedyPolicy(scenario)
 
-    def choose(self, memory: PlannedSearch, cells: list[Cell], matrix: Singles) -> Sequence[int]:
+    def choose(self, memory: OpenLoopMemory, cells: list[Cell], matrix: Singles) -> Sequence[int]:
         if self._samples is not None:
             return super().choose(memory, cells, matrix)
         memory.tracker.observe(matrix)
@@ -152,8 +152,8 @@ class ImitationPolicy(PlannedPolicy):
         return actions
 
     def plan(
-        self, tracker: BeliefTracker, cells: list[Cell], rest: Sequence[PlannedStep] = ()
-    ) -> list[PlannedStep]:
+        self, tracker: BeliefTracker, cells: list[Cell], rest: Sequence[PlanStep] = ()
+    ) -> list[PlanStep]:
         """The most successful simulation of the rest of a search."""
         tracker = copy.deepcopy(tracker)
         # In a coverage mission nobody is found, as in the simulations.

@@ -23,7 +23,7 @@ HORIZON = 500
 CACHED_PLANS = 4096
 """The most plans to keep for other searches that reach the same situation."""
 
-PlannedStep = tuple[list[Cell], list[int]]
+PlanStep = tuple[list[Cell], list[int]]
 """Every drone's cell, and its action there."""
 
 Act = Callable[[BeliefTracker, list[Cell]], Sequence[int]]
@@ -31,22 +31,22 @@ Act = Callable[[BeliefTracker, list[Cell]], Sequence[int]]
 
 
 @dataclass
-class PlannedSearch:
+class OpenLoopMemory:
     """A search and its plan, which searches share.
 
-    `situations`: step, missing persons and drones' cells at every plan made in this search. With
+    `plan_keys`: step, missing persons and drones' cells at every plan made in this search. With
     the scenario, they determine the plan.
     """
 
     tracker: BeliefTracker
-    plan: list[PlannedStep] = field(default_factory=list)
-    situations: tuple[tuple[int, tuple[int, ...], tuple[Cell, ...]], ...] = ((0, (), ()),)
+    plan: list[PlanStep] = field(default_factory=list)
+    plan_keys: tuple[tuple[int, tuple[int, ...], tuple[Cell, ...]], ...] = ((0, (), ()),)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> PlannedSearch:
+    def __deepcopy__(self, memo: dict[int, Any]) -> OpenLoopMemory:
         return replace(self, tracker=copy.deepcopy(self.tracker, memo))
 
 
-class PlannedPolicy(SwarmPolicy):
+class OpenLoopPolicy(SwarmPolicy):
     """A policy that makes a plan at the start, after a find, and where a drone is displaced.
 
     Searches that begin in the same way share a plan. Subclasses implement `plan`.
@@ -56,24 +56,24 @@ class PlannedPolicy(SwarmPolicy):
         super().__init__(scenario)
         self._tracker = BeliefTracker(scenario)
         self._grid = Grid.of(scenario.grid_size)
-        self._plans: dict[tuple[Any, ...], list[PlannedStep]] = {}
+        self._plans: dict[tuple[Any, ...], list[PlanStep]] = {}
 
     @abstractmethod
     def plan(
-        self, tracker: BeliefTracker, cells: list[Cell], rest: Sequence[PlannedStep] = ()
-    ) -> list[PlannedStep]:
+        self, tracker: BeliefTracker, cells: list[Cell], rest: Sequence[PlanStep] = ()
+    ) -> list[PlanStep]:
         """A plan for the next steps (see `horizon`) from now on; `tracker` must not be updated.
 
         `rest` are the steps that are left of the plan until now, if the drones followed it.
         """
 
-    def begin(self) -> PlannedSearch:
-        return PlannedSearch(copy.deepcopy(self._tracker))
+    def begin(self) -> OpenLoopMemory:
+        return OpenLoopMemory(copy.deepcopy(self._tracker))
 
-    def choose(self, memory: PlannedSearch, cells: list[Cell], matrix: Singles) -> Sequence[int]:
+    def choose(self, memory: OpenLoopMemory, cells: list[Cell], matrix: Singles) -> Sequence[int]:
         tracker = memory.tracker
         tracker.observe(matrix)
-        first, missing, _ = memory.situations[-1]
+        first, missing, _ = memory.plan_keys[-1]
         ahead = memory.plan[tracker.step - first :]
         if not ahead or missing != tracker.missing or ahead[0][0] != cells:
             self._replan(memory, cells)
@@ -82,19 +82,19 @@ class PlannedPolicy(SwarmPolicy):
         tracker.update(cells, actions)
         return actions
 
-    def _replan(self, memory: PlannedSearch, cells: list[Cell]) -> None:
+    def _replan(self, memory: OpenLoopMemory, cells: list[Cell]) -> None:
         """Give a search a plan from its current step on."""
         tracker = memory.tracker
-        rest = memory.plan[tracker.step - memory.situations[-1][0] :]
+        rest = memory.plan[tracker.step - memory.plan_keys[-1][0] :]
         rest = rest if rest and rest[0][0] == cells else []
         now = tracker.step, tracker.missing, tuple(cells)
-        memory.situations = (*memory.situations, now)
-        if memory.situations not in self._plans:
+        memory.plan_keys = (*memory.plan_keys, now)
+        if memory.plan_keys not in self._plans:
             plan = self.plan(tracker, cells, rest)
             if len(self._plans) == CACHED_PLANS:
                 self._plans.clear()
-            self._plans[memory.situations] = plan
-        memory.plan = self._plans[memory.situations]
+            self._plans[memory.plan_keys] = plan
+        memory.plan = self._plans[memory.plan_keys]
 
     def horizon(self, tracker: BeliefTracker) -> int:
         """The number of steps to plan: until the time limit, or `HORIZON`."""
@@ -102,14 +102,14 @@ class PlannedPolicy(SwarmPolicy):
 
     def simulated(
         self, act: Act, tracker: BeliefTracker, cells: list[Cell]
-    ) -> tuple[list[PlannedStep], Floats]:
+    ) -> tuple[list[PlanStep], Floats]:
         """The next steps (see `horizon`) of a swarm that finds nobody, by the actions of `act`.
 
         Also returns the probability that they find each missing person, alive.
         """
         tracker, unfound = copy.deepcopy(tracker), np.ones(len(tracker.missing))
         dead = np.zeros(len(unfound))  # the probability that they find the person dead
-        steps: list[PlannedStep] = []
+        steps: list[PlanStep] = []
         for _ in range(self.horizon(tracker)):
             actions = [*map(int, act(tracker, cells))]
             steps.append((cells, actions))
@@ -119,7 +119,7 @@ class PlannedPolicy(SwarmPolicy):
             for which, person in enumerate(tracker.missing if searched else ()):
                 within = float(tracker.belief(person).reshape(-1)[searched].sum())
                 found = min(self.scenario.detections[person] * within, 1.0)
-                alive = self.scenario.situation[person].alive(tracker.step)
+                alive = self.scenario.persons_to_find[person].alive(tracker.step)
                 dead[which] += unfound[which] * found * (1.0 - alive)
                 unfound[which] *= 1.0 - found
             tracker.update(cells, actions)

@@ -1,8 +1,8 @@
 """The search patterns of the IAMSAR Manual as policies.
 
 The drones fly to the commence search points without searching, then search every cell of their
-tracks (IAMSAR Manual, volume II; `tracks` has the geometry, `datum` the area). When all have
-finished, they start again around a new datum: the person's expected position when they are
+tracks (IAMSAR Manual, volume II; `pattern_tracks` has the geometry, `datum` the area). When all
+have finished, they start again around a new datum: the person's expected position when they are
 half-way through. The track spacing is one cell.
 
 Each person and each group of hypotheses apart has its own datum. The drones search around one

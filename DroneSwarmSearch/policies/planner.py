@@ -1,4 +1,4 @@
-"""The planner: follows an open-loop plan (`planning.plan`), and replans after a find."""
+"""The planner: follows an open-loop plan (`planning.joint_plan`), and replans after a find."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.progress import progress
+from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.planning.joint_plan import Plan, Report
+from DroneSwarmSearch.planning.joint_plan import JointPlan, Report
 from DroneSwarmSearch.planning.passes import Target
-from DroneSwarmSearch.planning.paths import Path
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import (
@@ -25,8 +25,8 @@ from DroneSwarmSearch.policies.imitation import ImitationPolicy
 from DroneSwarmSearch.policies.open_loop import (
     HORIZON,
     Act,
-    PlannedPolicy,
-    PlannedStep,
+    OpenLoopPolicy,
+    PlanStep,
 )
 from DroneSwarmSearch.policies.patterns import (
     CreepingLinePolicy,
@@ -39,7 +39,7 @@ EARLY_BONUS = 0.01
 """How much more a find in the first step is worth than one in the last, in the choice of paths; of
 several plans, the one with the largest probability of success wins, without the bonus."""
 
-SECONDS = 60.0
+SECONDS = 120.0
 """The default work for a plan."""
 
 AFTER_FIND = 0.005
@@ -55,7 +55,7 @@ INITIAL = (
 """Policies whose paths are initial plans before the first step, besides those after a find."""
 
 
-class PlannerPolicy(PlannedPolicy):
+class PlannerPolicy(OpenLoopPolicy):
     """Plans the paths of all drones together, from its own beliefs (`BeliefTracker`).
 
     The first plan of a scenario takes about as long as `seconds` says, and the paths of the other
@@ -71,8 +71,8 @@ class PlannerPolicy(PlannedPolicy):
 
     Args:
         scenario: the parameters of every search to steer.
-        seconds: the work to improve a plan, in seconds on a fast idle core; shared machines take
-            two to four times as long.
+        seconds: the work to improve a plan, in seconds of CPU time on a slow or a busy machine; a
+            fast idle core takes half as long.
 
     Raises:
         TypeError: `scenario` is not a `Scenario`, or `seconds` is not a number.
@@ -94,15 +94,15 @@ class PlannerPolicy(PlannedPolicy):
         self._replan(self.begin(), [self._grid.positions[cell] for cell in starts])
 
     def plan(
-        self, tracker: BeliefTracker, cells: list[Cell], rest: Sequence[PlannedStep] = ()
-    ) -> list[PlannedStep]:
+        self, tracker: BeliefTracker, cells: list[Cell], rest: Sequence[PlanStep] = ()
+    ) -> list[PlanStep]:
         initial = [self._paths(steps) for steps in self._initial(tracker, cells)]
         if rest and len(rest) == len(initial[0][0].searches):
             initial.append(self._paths(rest))
         with progress("planning", 1.0) as bar:
             return self._steps(self._improved(tracker, initial, bar))
 
-    def _initial(self, tracker: BeliefTracker, cells: list[Cell]) -> list[list[PlannedStep]]:
+    def _initial(self, tracker: BeliefTracker, cells: list[Cell]) -> list[list[PlanStep]]:
         """The paths of other policies."""
         acts = [*self._acts]
         if tracker.step == 0:
@@ -120,7 +120,9 @@ class PlannerPolicy(PlannedPolicy):
         forecasts, detections = tracker.forecasts, self.scenario.detections
         missing, ahead = tracker.missing, range(step, step + steps)
         everyone = self.scenario.mission == "rescue" and len(missing) > 1
-        alive = np.array([[*map(self.scenario.situation[each].alive, ahead)] for each in missing])
+        alive = np.array(
+            [[*map(self.scenario.persons_to_find[each].alive, ahead)] for each in missing]
+        )
         alive /= alive.max() or 1.0  # only relative survival matters
         targets = [
             Target(forecasts[person], detections[person], tracker.joint(person), worth * survival)
@@ -128,19 +130,19 @@ class PlannerPolicy(PlannedPolicy):
         ]
 
         def success(paths: list[Path]) -> float:
-            found = (alive * Plan(targets, step, paths).found()).sum(axis=1)
+            found = (alive * JointPlan(targets, step, paths).found()).sum(axis=1)
             return float(np.prod(found) if everyone else np.mean(found))
 
         best = max(initial, key=success)
         if everyone:  # the gradient of the logarithm of the product
-            for target, found in zip(targets, Plan(targets, step, best).found(), strict=True):
+            for target, found in zip(targets, JointPlan(targets, step, best).found(), strict=True):
                 target.worth /= found.sum() or 1.0
-        plan = Plan(targets, step, best)
+        plan = JointPlan(targets, step, best)
         seconds = self._seconds * (AFTER_FIND if step % HORIZON else 1.0)
         plan.anneal(seconds, np.random.default_rng(0), report)
         return max(plan.paths, best, key=success)
 
-    def _paths(self, steps: Sequence[PlannedStep]) -> list[Path]:
+    def _paths(self, steps: Sequence[PlanStep]) -> list[Path]:
         """Every drone's path in a plan."""
         size = self.scenario.grid_size
         cells = [[y * size + x for x, y in here] for here, _ in steps]
@@ -151,9 +153,9 @@ class PlannerPolicy(PlannedPolicy):
             Path(*arrays) for arrays in zip(np.array(cells).T, np.array(searches).T, strict=True)
         ]
 
-    def _steps(self, paths: list[Path]) -> list[PlannedStep]:
+    def _steps(self, paths: list[Path]) -> list[PlanStep]:
         """The plan along every drone's path."""
-        steps: list[PlannedStep] = []
+        steps: list[PlanStep] = []
         for step, searches in enumerate(zip(*(path.searches for path in paths), strict=True)):
             here, ahead = np.array([path.cells[step : step + 2] for path in paths]).T.tolist()
             actions = [

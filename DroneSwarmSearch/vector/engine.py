@@ -112,7 +112,7 @@ class SearchBatch:
             scenarios = _scenarios_of(scenario, situations)
             # An error if the scenario has other values of what each Person has.
             dataclasses.replace(scenario, persons=scenarios[0].persons)
-        if wants_table and (scenario.bayesian_update or len(scenarios[0].situation) > 1):
+        if wants_table and (scenario.bayesian_update or len(scenarios[0].persons_to_find) > 1):
             raise ValueError(
                 "there is no table of matrices (write_matrices=False) with bayesian_update or "
                 "several persons"
@@ -230,7 +230,7 @@ class SearchBatch:
                 cells.append(self._scenario.drone_cells(positions))
             scenarios.append(self._scenario.replace(**changes))
             persons = len(self._world.missing)
-            if len(scenarios[-1].situation) != persons:
+            if len(scenarios[-1].persons_to_find) != persons:
                 raise ValueError(f"sampler must return {persons} persons, got {changes!r}")
         if cells and len(cells) < len(scenarios):
             raise ValueError("sampler must return drones_positions for every search, or for none")
@@ -487,11 +487,11 @@ def _scenarios_of(
     if not given:
         raise ValueError(f"situations must hold at least one situation, got {situations!r}")
     made = [scenario.replace(persons=each) for each in given]
-    persons = persons or len(made[0].situation)
+    persons = persons or len(made[0].persons_to_find)
     for place, each in enumerate(made):
-        if len(each.situation) != persons:
+        if len(each.persons_to_find) != persons:
             raise ValueError(
                 f"situations must all hold the same number of persons, {persons}, got "
-                f"{len(each.situation)} in situations[{place}]"
+                f"{len(each.persons_to_find)} in situations[{place}]"
             )
     return made

@@ -55,7 +55,7 @@ class Catalogue:
         self.numbers: Ints = numbers.reshape(len(self.scenarios), -1).T.copy()
         detections = np.array([scenario.detections for scenario in self.scenarios])
         self.detections: Floats = detections.T.copy()
-        situations = [scenario.situation for scenario in self.scenarios]
+        situations = [scenario.persons_to_find for scenario in self.scenarios]
         steps = range(max(len(each.survival or [1]) for persons in situations for each in persons))
         alive = [[[*map(each.alive, steps)] for each in persons] for persons in situations]
         self.alive: Floats = np.array(alive)
