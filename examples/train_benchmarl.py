@@ -10,7 +10,6 @@ person; the policy does not. Other algorithms and models of BenchMARL take the s
 
 from __future__ import annotations
 
-import argparse
 import math
 import warnings
 from os.path import relpath
@@ -95,22 +94,12 @@ def make_config(folder: Path, steps: int) -> ExperimentConfig:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Train drones with BenchMARL.")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
-    parser.add_argument(
-        "--algorithm",
-        choices=list(ALGORITHMS),
-        default="ippo",
-        help="IPPO's critic sees the drone's observation, MAPPO's the state (ippo)",
+    critics = "IPPO's critic sees the drone's observation, MAPPO's the state"
+    options = training.begin(
+        "Train drones with BenchMARL.",
+        algorithm={"choices": list(ALGORITHMS), "default": "ippo", "help": critics},
+        steps={"type": int, "default": 400_000, "help": "environment steps in all"},
     )
-    parser.add_argument("--steps", type=int, default=400_000, help="environment steps in all")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
-    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
-    options = parser.parse_args()
-    if options.out.exists():
-        parser.error(f"{options.out} exists: choose another folder")
-    options.out.mkdir(parents=True)
     torch.set_num_threads(options.threads)
     algorithm = ALGORITHMS[options.algorithm].get_from_yaml()
     algorithm.entropy_coef, algorithm.lmbda = ENTROPY, 0.95
@@ -127,14 +116,8 @@ def main() -> None:
     )
     experiment.run()
     torch.save(experiment.policy, options.out / "policy.pt")
-    _, *baselines = training.compare_with_baselines(
-        f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}",
-        TRAINING_TASK,
-        episodes=options.episodes,
-        name=f"benchmarl-{options.algorithm}",
-        folder=options.out,
-    )
-    training.plot_curve(options.out / "curve.csv", baselines=baselines)
+    trained = f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}"
+    training.finish(trained, f"benchmarl-{options.algorithm}", options)
 
 
 if __name__ == "__main__":

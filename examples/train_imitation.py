@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
+from os.path import relpath
 from pathlib import Path
 from typing import Any
 
@@ -302,22 +303,16 @@ def train(options: argparse.Namespace) -> Path:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description='Train the policy "imitation" on random searches.')
-    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
-    parser.add_argument("--rounds", type=int, default=3, help="of planning and learning (3)")
-    parser.add_argument("--searches", type=int, default=400, help="to plan in each round (400)")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
-    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
-    options = parser.parse_args()
-    if options.out.exists():
-        parser.error(f"{options.out} exists: choose another folder")
-    options.out.mkdir(parents=True)
+    options = training.begin(
+        'Train the policy "imitation" on random searches.',
+        rounds={"type": int, "default": 3, "help": "of planning and learning"},
+        searches={"type": int, "default": 400, "help": "to plan in each round"},
+    )
     torch.set_num_threads(options.threads)
     weights = train(options)
     print(f'\nOn the search "{TEST_SEARCH}", which is not part of the training:\n')
     training.compare_with_baselines(
-        str(weights),
+        f"{relpath(__file__)}:ImitationPolicy:{weights}",
         search(TEST_SEARCH).parameters,
         episodes=options.episodes,
         name="imitation",

@@ -17,7 +17,6 @@ from __future__ import annotations
 import argparse
 import time
 from os.path import relpath
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -223,17 +222,11 @@ def baselines(searches: list[NamedSearch]) -> list[Evaluation]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Train drones with PPO in one file of PyTorch.")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
-    parser.add_argument("--resume", action="store_true", help="continue from its checkpoint")
-    parser.add_argument("--steps", type=int, default=16_000_000, help="environment steps in all")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
-    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
-    options = parser.parse_args()
-    if options.resume != (options.out / "checkpoint.pt").exists():
-        parser.error(f"{options.out} holds {'no' if options.resume else 'a'} training to resume")
-    options.out.mkdir(parents=True, exist_ok=True)
+    options = training.begin(
+        "Train drones with PPO in one file of PyTorch.",
+        "checkpoint.pt",
+        steps={"type": int, "default": 16_000_000, "help": "environment steps in all"},
+    )
     torch.set_num_threads(options.threads)
     torch.manual_seed(options.seed)
     try:

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 from os.path import relpath
-from pathlib import Path
 
 import ray
 import torch
@@ -97,39 +96,23 @@ def train(options: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Train drones with RLlib's PPO.")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
     number = {"type": int, "metavar": "N"}
-    parser.add_argument("--num-env-runners", default=0, help="remote env runners (0)", **number)
-    parser.add_argument("--num-envs", default=64, help="searches of each runner (64)", **number)
-    parser.add_argument(
-        "--batch", default=4_096, help="environment steps between updates (4,096)", **number
+    options = training.begin(
+        "Train drones with RLlib's PPO.",
+        num_env_runners={"default": 0, "help": "remote env runners", **number},
+        num_envs={"default": 64, "help": "searches of each runner", **number},
+        batch={"default": 4_096, "help": "environment steps between updates", **number},
+        address={"default": "local", "help": "of a Ray cluster; 'auto' for this machine's"},
+        steps={"default": 300_000, "help": "environment steps in all", **number},
     )
-    parser.add_argument(
-        "--address", default="local", help="of a Ray cluster; 'auto' for this machine's (a new one)"
-    )
-    parser.add_argument("--steps", type=int, default=300_000, help="environment steps in all")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
-    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
-    options = parser.parse_args()
-    if options.out.exists():
-        parser.error(f"{options.out} exists: choose another folder")
-    options.out.mkdir(parents=True)
     torch.set_num_threads(options.threads)
     ray.init(address=options.address, log_to_driver=False, logging_level="error")
     try:
         train(options)
     finally:
         ray.shutdown()
-    _, *baselines = training.compare_with_baselines(
-        f"{relpath(__file__)}:Trained:{options.out / 'checkpoint'}",
-        TRAINING_TASK,
-        episodes=options.episodes,
-        name="rllib-ppo",
-        folder=options.out,
-    )
-    training.plot_curve(options.out / "curve.csv", baselines=baselines)
+    trained = f"{relpath(__file__)}:Trained:{options.out / 'checkpoint'}"
+    training.finish(trained, "rllib-ppo", options)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ searches for a person.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
+from os.path import relpath
 
 import torch
 from sb3_contrib import MaskablePPO
@@ -83,31 +83,20 @@ def train(options: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Train drones with MaskablePPO of sb3-contrib.")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
-    parser.add_argument("--resume", action="store_true", help="continue from its last checkpoint")
-    parser.add_argument("--steps", type=int, default=400_000, help="environment steps in all")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
-    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
-    options = parser.parse_args()
-    if options.resume != any(options.out.glob("model*.zip")):
-        parser.error(f"{options.out} holds {'no' if options.resume else 'a'} training to resume")
-    options.out.mkdir(parents=True, exist_ok=True)
+    options = training.begin(
+        "Train drones with MaskablePPO of sb3-contrib.",
+        "model*.zip",
+        steps={"type": int, "default": 400_000, "help": "environment steps in all"},
+    )
     torch.set_num_threads(options.threads)
     train(options)
-    _, *baselines = training.compare_with_baselines(
-        f"{__file__}:Trained:{options.out / 'model.zip'}",  # samples actions, as in training
-        TRAINING_TASK,
-        episodes=options.episodes,
-        name="maskable-ppo",
-        folder=options.out,
-    )
-    training.plot_curve(
+    training.finish(
+        f"{relpath(__file__)}:Trained:{options.out / 'model.zip'}",  # samples, as in training
+        "maskable-ppo",
+        options,
         *sorted(options.out.glob("progress_*.csv")),
         steps="time/total_timesteps",
         columns=["rollout/probability_of_success"],
-        baselines=baselines,
     )
 
 

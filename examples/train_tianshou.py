@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 from os.path import relpath
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -106,27 +105,15 @@ def train(options: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Train drones with Tianshou's PPO.")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
-    parser.add_argument("--num-envs", type=int, default=64, help="searches in the batch (64)")
-    parser.add_argument("--steps", type=int, default=300_000, help="environment steps in all")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
-    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
-    options = parser.parse_args()
-    if options.out.exists():
-        parser.error(f"{options.out} exists: choose another folder")
-    options.out.mkdir(parents=True)
+    options = training.begin(
+        "Train drones with Tianshou's PPO.",
+        num_envs={"type": int, "default": 64, "help": "searches in the batch"},
+        steps={"type": int, "default": 300_000, "help": "environment steps in all"},
+    )
     torch.set_num_threads(options.threads)
     train(options)
-    _, *baselines = training.compare_with_baselines(
-        f"{relpath(__file__)}:Trained:{options.out / 'model.pt'}",
-        TRAINING_TASK,
-        episodes=options.episodes,
-        name="tianshou-ppo",
-        folder=options.out,
-    )
-    training.plot_curve(options.out / "curve.csv", baselines=baselines)
+    trained = f"{relpath(__file__)}:Trained:{options.out / 'model.pt'}"
+    training.finish(trained, "tianshou-ppo", options)
 
 
 if __name__ == "__main__":

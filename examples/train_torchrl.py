@@ -10,10 +10,8 @@ or also the state, which shows the person (MAPPO). The state is used in training
 
 from __future__ import annotations
 
-import argparse
 import warnings
 from os.path import relpath
-from pathlib import Path
 
 import torch
 from tensordict.nn import TensorDictModule
@@ -87,18 +85,12 @@ class Trained(TrainedPolicy):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Train drones with TorchRL's PPO.")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the training")
-    sees = "sees the drone's observation, or also the state (local)"
-    parser.add_argument("--critic", choices=["local", "central"], default="local", help=sees)
-    parser.add_argument("--steps", type=int, default=400_000, help="environment steps in all")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="of PyTorch; more rarely help (1)")
-    parser.add_argument("--episodes", type=int, default=1000, help="of the comparison")
-    options = parser.parse_args()
-    if options.out.exists():
-        parser.error(f"{options.out} exists: choose another folder")
-    options.out.mkdir(parents=True)
+    sees = "sees the drone's observation, or also the state"
+    options = training.begin(
+        "Train drones with TorchRL's PPO.",
+        critic={"choices": ["local", "central"], "default": "local", "help": sees},
+        steps={"type": int, "default": 400_000, "help": "environment steps in all"},
+    )
     torch.set_num_threads(options.threads)
     torch.manual_seed(options.seed)
     central = options.critic == "central"
@@ -137,14 +129,8 @@ def main() -> None:
         training.log_row(options.out / "curve.csv", steps=(number + 1) * BATCH, **metrics)
         torch.save(policy.state_dict(), options.out / "policy.pt")
     collector.shutdown()
-    _, *baselines = training.compare_with_baselines(
-        f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}",
-        TRAINING_TASK,
-        episodes=options.episodes,
-        name="torchrl-ppo",
-        folder=options.out,
-    )
-    training.plot_curve(options.out / "curve.csv", baselines=baselines)
+    trained = f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}"
+    training.finish(trained, "torchrl-ppo", options)
 
 
 if __name__ == "__main__":

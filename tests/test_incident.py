@@ -357,6 +357,10 @@ def test_an_incident_survives_its_file(plan: FlightPlan, tmp_path: Path) -> None
     ):
         incident.save(file)
         assert Incident.read(file) == incident
+    moved = Incident.read(file, position=(54.3, 7.9))
+    assert moved.position == (54.3, 7.9) and (moved.base == moved.position) == (
+        incident.base == incident.position
+    )
     Incident(**{**KNOWN, "current": tide, "position": typed}).save(file)
     values = json.loads(file.read_text("utf-8"))
     assert values["position"] == [*typed]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -146,3 +147,35 @@ def test_the_comparison_accepts_start_cells_and_other_layouts() -> None:
     )
     assert trained.search.drones == ((2, 0), (4, 4))
     assert (trained.success.value, trained.time.value) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("files", "arguments", "message"),
+    [
+        ([], ["--resume"], "runs holds no training to resume"),
+        (["model1.zip"], [], "runs holds a training to resume"),
+        ([], ["--steps", "x"], "argument --steps: invalid int value: 'x'"),
+        (None, ["--steps", "3"], ""),
+        (["model1.zip"], ["--resume"], ""),
+    ],
+)
+def test_scripts_begin_in_a_new_folder_or_resume(
+    files, arguments, message, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["train.py", "--out", "runs", *arguments])
+    for name in files or ():
+        Path("runs").mkdir(exist_ok=True)
+        Path("runs", name).touch()
+    steps = {"type": int, "default": 7, "help": "in all"}
+    if message:
+        with pytest.raises(SystemExit):
+            training.begin("Train.", "model*.zip", steps=steps)
+        assert message in capsys.readouterr().err
+        return
+    options = training.begin("Train.", "model*.zip", steps=steps)
+    assert options.steps == (3 if files is None else 7) and Path("runs").is_dir()
+    assert (options.seed, options.threads, options.episodes) == (0, 1, 1000)
+    monkeypatch.setattr(sys, "argv", ["train.py", "--out", "runs"])
+    with pytest.raises(SystemExit):
+        training.begin("Train.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import textwrap
-from dataclasses import fields, replace
+from dataclasses import fields
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -103,18 +103,19 @@ def _incident(options: argparse.Namespace) -> Incident:
     given = {name: value for name, value in values.items() if value is not None}
     if options.after is not None:
         start, folder = given.pop("start", None), Path(options.after)
-        flown = replace(_read(folder / "incident.json"), **given)
+        flown = _read(folder / "incident.json", given)
         return flown.after(folder / "plan.csv", start)
     if options.incident is not None:
-        return replace(_read(Path(options.incident)), **given)
+        return _read(Path(options.incident), given)
     return Incident(**given)
 
 
-def _read(path: Path) -> Incident:
+def _read(path: Path, given: dict[str, Any]) -> Incident:
     try:
-        return Incident.read(path)
+        Incident.read(path)
     except (OSError, TypeError, ValueError) as error:
         raise ValueError(f"{path} must be the file of an incident: {error}") from None
+    return Incident.read(path, **given)
 
 
 def summary(plan: FlightPlan) -> str:

@@ -315,8 +315,8 @@ class Report:
         )
 
     @classmethod
-    def read(cls: type[Self], path: str | os.PathLike[str]) -> Self:
-        """Read a JSON file; a path of `tracks` in it counts from the file's folder."""
+    def read(cls: type[Self], path: str | os.PathLike[str], **changes: Any) -> Self:
+        """Read a JSON file, in which paths count from its folder; `changes` replace its values."""
         data = json.loads(Path(path).read_text("utf-8"))
         if not isinstance(data, dict):
             raise ValueError(f"{path} must hold an incident, a JSON object, got {data!r:.100}")
@@ -326,7 +326,7 @@ class Report:
                 name == "tracks" or (isinstance(file, str) and Path(file).suffix in FILES)
             ):
                 data[name] = os.path.normpath(Path(path).parent / file)
-        return cls(**data)
+        return cls(**{**data, **changes})
 
 
 def _position(name: str, value: object) -> Pair:
