@@ -247,7 +247,11 @@ def test_slow_commands_use_existing_options(command):
     options = [argument for argument in command.arguments if argument.startswith("--")]
     known = ""
     if command.script.startswith("examples/train_"):  # its RL library may not be installed
-        known = (ROOT / command.script).read_text("utf-8")
+        script = (ROOT / command.script).read_text("utf-8")
+        known = script + (ROOT / "DroneSwarmSearch/training/script.py").read_text("utf-8")
+        known += "".join(
+            f"--{name.replace('_', '-')}\n" for name in re.findall(r"(\w+)=\{", script)
+        )
     elif options:
         start = command.arguments[:1] if command.script else command.arguments[:3]
         known = help_text(*start)

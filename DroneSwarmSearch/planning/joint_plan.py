@@ -38,27 +38,14 @@ from DroneSwarmSearch.planning.windows import Boxes, TargetWindow
 Report = Callable[[float], None]
 """Is called from time to time with the completed fraction of some work."""
 
-SHORTEST = 3
-"""The least length of a replaced segment, in steps."""
-
-LONGEST, LONGEST_LATER = (30, 70), 15
-"""The longest ones at first, between these limits, and at last."""
-
-ENDS = 0.1, 0.9, 1.0
-"""When each of three phases ends, as fractions of the work: in the first and the last one, the plan
-is cold; in between it is as hot as the work allows."""
+SHORTEST, LONGEST, LONGEST_LATER = 3, 30, 15
+"""Lengths of a replaced segment, in steps; the longest at first and in the second half."""
 
 STRENGTHS = (0.2, 0.5, 1.0)
 """Standard deviations of the logarithm of the factors that distort gains."""
 
-COLD, HOTTEST, COLDEST = 0.1, 2.0, 0.02
-"""Temperatures, in units of a plan's mean value per drone and step: the first one of a cold phase,
-the highest first one of the phase in between, and the last one of each phase."""
-
-HEAT, USUAL = 0.05, 10.0
-"""The phase in between begins at this temperature times the trials that the work buys for each step
-of a drone: with few of them, a hot plan would not come back to the value that it began with. With
-fewer than usual, segments are longer, to change each step as often."""
+HOTTEST, COLDEST = 2.0, 0.02
+"""The first and the last temperature, in units of a plan's mean value per drone and step."""
 
 TOGETHER = 4
 """The most drones in a trial without pairs."""
@@ -75,9 +62,9 @@ NOISE = 2**18
 ENOUGH = 200
 """The most trials for each step of a drone; more improve small searches no further."""
 
-TRIAL_COST, STEP_COST, VALUE_COST = 1200e-6, 270e-6, 12e-9
-"""The time of a trial, of each of its steps and of each mass of a candidate, in seconds, on a slow
-or a busy machine; a fast idle one takes half as long."""
+TRIAL_COST, STEP_COST, VALUE_COST = 260e-6, 150e-6, 18e-9
+"""The time of a trial, of each of its steps and of each mass of a candidate, in seconds, on a busy
+machine; an idle one takes about two thirds of it."""
 
 
 class JointPlan:
@@ -114,33 +101,26 @@ class JointPlan:
         value = most = self.value()
         best = copy.deepcopy(self.paths)
         drone_steps = len(best) * self._steps
-        unit, trials = max(value, 1e-9) / drone_steps, 0
-        done, hottest, longest = 0.0 if seconds else 1.0, COLD, float(LONGEST[0])
-        for end in ENDS:
-            first = done
-            while done < end:
-                report(done)
-                part, trials = (done - first) / (end - first), trials + 1
-                temperature = unit * hottest * (COLDEST / hottest) ** part
-                most_steps = min(longest * (LONGEST_LATER / longest) ** part, self._steps)
-                length = min(round(SHORTEST * (most_steps / SHORTEST) ** rng.random()), self._steps)
-                begin = min(max(begin, 0), self._steps - length)
-                factors = noises[int(rng.integers(len(noises)))]
-                gained, took = self.trial(begin, begin + length, temperature, factors, rng)
-                value += gained
-                done += max(took / seconds, 1.0 / (ENOUGH * drone_steps))
-                if value > most + 1e-9:
-                    most = value
-                    best = copy.deepcopy(self.paths)
-                begin += direction * int(rng.integers(4))
-                if not 0 <= begin <= self._steps - length:
-                    direction = -direction
-            self._replace(range(len(best)), 0, copy.deepcopy(best))
-            value, hottest, longest = most, COLD, float(LONGEST_LATER)
-            if not first and trials:
-                in_all = trials / done / drone_steps
-                hottest = min(max(HEAT * in_all, COLD), HOTTEST)
-                longest = float(np.clip(LONGEST[0] * math.sqrt(USUAL / in_all), *LONGEST))
+        unit = max(value, 1e-9) / drone_steps
+        done = 0.0 if seconds else 1.0
+        while done < 1.0:
+            report(done)
+            temperature = unit * HOTTEST * (COLDEST / HOTTEST) ** done
+            longest = LONGEST if done < 0.5 else LONGEST_LATER
+            length = round(SHORTEST * (longest / SHORTEST) ** rng.random())
+            length = min(length, self._steps)
+            begin = min(max(begin, 0), self._steps - length)
+            factors = noises[int(rng.integers(len(noises)))]
+            gained, took = self.trial(begin, begin + length, temperature, factors, rng)
+            value += gained
+            done += max(took / seconds, 1.0 / (ENOUGH * drone_steps))
+            if value > most + 1e-9:
+                most = value
+                best = copy.deepcopy(self.paths)
+            begin += direction * int(rng.integers(4))
+            if not 0 <= begin <= self._steps - length:
+                direction = -direction
+        self._replace(range(len(best)), 0, best)
 
     def trial(
         self, begin: int, end: int, temperature: float, factors: Floats, rng: np.random.Generator

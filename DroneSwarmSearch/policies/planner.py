@@ -71,8 +71,8 @@ class PlannerPolicy(OpenLoopPolicy):
 
     Args:
         scenario: the parameters of every search to steer.
-        seconds: the work to improve a plan, in seconds of CPU time on a slow or a busy machine; a
-            fast idle core takes half as long.
+        seconds: the work to improve a plan, in seconds of CPU time on a busy machine; an idle core
+            takes about two thirds of it.
 
     Raises:
         TypeError: `scenario` is not a `Scenario`, or `seconds` is not a number.

@@ -25,7 +25,7 @@ def begin(
     Args:
         description: of the script, for ``--help``.
         checkpoints: a pattern of files in the folder from which `resume`, an option then, goes on.
-        options: more of them, as the arguments of `ArgumentParser.add_argument` by name.
+        options: more of them, as the arguments of ``ArgumentParser.add_argument`` by name.
     """
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter
