@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -16,6 +17,7 @@ PACKAGE = ROOT / "DroneSwarmSearch"
 pytestmark = pytest.mark.skipif(not PACKAGE.exists(), reason="there is no source tree")
 
 
+@cache
 def modules() -> dict[str, Path]:
     paths = PACKAGE.rglob("*.py")
     return {".".join(each.relative_to(ROOT).with_suffix("").parts): each for each in paths}
@@ -31,6 +33,7 @@ def imported(path: Path) -> Iterator[str]:
             yield from (f"{node.module}.{each.name}" for each in node.names)
 
 
+@cache
 def graph() -> dict[str, set[str]]:
     """The modules that each one imports; a package stands for its `__init__`."""
     known = modules()
