@@ -72,7 +72,9 @@ def test_map_and_plan_agree_with_opendrift(options: list[object], searches: int)
 
 def test_a_plan_for_tracks_finds_what_it_promises_in_an_eddy_off_a_coast() -> None:
     printed = run(EXAMPLE, "--coast", "--fast", "--tracks", 5000)
-    assert re.search(r"<Tracks: 5,000 tracks, 432 steps, [1-9]\d\d stranded, x", printed)
+    assert re.search(
+        r"<Tracks: 5,000 tracks, 432 steps, [1-9]\d\d stranded, from 2026-\S+, x", printed
+    )
     plans = re.findall(r"^ *(\S+)  greedy-posterior +(\S+)%  (\S+)%$", printed, re.M)
     (constant, *promised), (tracks, forecast, found) = plans
     assert (constant, tracks) == ("leeway.person", "Person(tracks)")
