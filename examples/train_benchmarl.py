@@ -1,11 +1,11 @@
-"""Train drones with BenchMARL's IPPO or MAPPO, on a batch of searches.
+"""Train drones with BenchMARL's IPPO, MAPPO, VDN, QMIX or IQL, on a batch of searches.
 
     pip install "DroneSwarmSearchEnvironment[benchmarl]"
     python examples/train_benchmarl.py --out runs/ippo
-    python examples/train_benchmarl.py --out runs/mappo --algorithm mappo
+    python examples/train_benchmarl.py --out runs/qmix --algorithm qmix
 
-All drones share one policy. Masks prevent crashes. MAPPO's critic sees the state, which shows the
-person; the policy does not. Other algorithms and models of BenchMARL take the same task.
+All drones share one policy. Masks prevent crashes. MAPPO's critic and QMIX's mixer see the state,
+which shows the person; the policy does not. Other models of BenchMARL take the same task.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from os.path import relpath
 from pathlib import Path
 
 import torch
-from benchmarl.algorithms import IppoConfig, MappoConfig
+from benchmarl.algorithms import IppoConfig, IqlConfig, MappoConfig, QmixConfig, VdnConfig
 from benchmarl.experiment import Callback, Experiment, ExperimentConfig
 from benchmarl.models.mlp import MlpConfig
 from tensordict import TensorDictBase
@@ -31,12 +31,22 @@ from DroneSwarmSearch.training import TRAINING_TASK
 
 NUM_SWARMS, NUM_STEPS = 100, 50  # searches, and steps of each between two updates
 BATCH = NUM_SWARMS * NUM_STEPS
-ALGORITHMS = {"ippo": IppoConfig, "mappo": MappoConfig}
+ALGORITHMS = {
+    "ippo": IppoConfig,
+    "mappo": MappoConfig,
+    "vdn": VdnConfig,
+    "qmix": QmixConfig,
+    "iql": IqlConfig,
+}
 
 # In the coverage mission nobody is found: a search pays the swarm the probability of success that
 # it adds, which is less noisy than a find.
 MISSION = {"mission": "coverage", "shared_reward": True}
 LEARNING_RATE, ENTROPY = 1.5e-3, 0.001  # both fall to 0
+
+# A search adds about .01. Values this small vanish in the errors of a new network, and drones that
+# take the largest value then follow the largest error.
+VALUES = {"reward_scale": 128.0}
 
 # What the policy is shown, in training and evaluation.
 SHOWN = {"observation": "crops", "right_of_way": True}
@@ -70,16 +80,20 @@ class Curve(Callback):
 
 
 class Trained(TrainedPolicy):
-    """The saved policy, for `evaluate`, `record` and `play`; it samples actions."""
+    """The saved policy, for `evaluate`, `record` and `play`.
+
+    After IPPO or MAPPO it samples actions; otherwise it takes those of the largest values.
+    """
 
     def __init__(self, scenario: Scenario, path: str) -> None:
         torch.set_num_threads(1)
-        policy = torch.load(path, weights_only=False)
+        algorithm, policy = torch.load(path, weights_only=False)
         view = View("drone", action_mask=True, bayesian_update=True, **SHOWN)
-        super().__init__(logits(policy, scenario.n_drones), view=view)
+        greedy = not ALGORITHMS[algorithm].on_policy()
+        super().__init__(logits(policy, scenario.n_drones), deterministic=greedy, view=view)
 
 
-def make_config(folder: Path, steps: int) -> ExperimentConfig:
+def make_config(folder: Path, steps: int, on_policy: bool) -> ExperimentConfig:
     """BenchMARL's defaults, adapted to a small task and a CPU."""
     config = ExperimentConfig.get_from_yaml()
     config.max_n_frames, config.max_n_iters = None, math.ceil(steps / BATCH)
@@ -87,6 +101,14 @@ def make_config(folder: Path, steps: int) -> ExperimentConfig:
     config.on_policy_collected_frames_per_batch, config.checkpoint_at_end = BATCH, True
     config.on_policy_n_minibatch_iters, config.on_policy_minibatch_size = 4, 1000
     config.lr, config.clip_grad_val = LEARNING_RATE, 0.5
+    if not on_policy:
+        config.off_policy_n_envs_per_worker = NUM_SWARMS
+        config.off_policy_collected_frames_per_batch = BATCH
+        config.off_policy_n_optimizer_steps, config.off_policy_train_batch_size = 100, 512
+        config.off_policy_memory_size = 100_000
+        config.exploration_eps_end = 0.02
+        config.exploration_anneal_frames = steps // 2
+        config.lr, config.clip_grad_val = 5e-4, 5.0
     config.evaluation = False  # the script compares with the baselines at the end
     config.loggers, config.create_json = ["csv"], False
     config.save_folder = str(folder)
@@ -94,7 +116,7 @@ def make_config(folder: Path, steps: int) -> ExperimentConfig:
 
 
 def main() -> None:
-    critics = "IPPO's critic sees the drone's observation, MAPPO's the state"
+    critics = "IPPO's critic sees the drone's observation, MAPPO's and QMIX's mixer the state"
     options = training.begin(
         "Train drones with BenchMARL.",
         algorithm={"choices": list(ALGORITHMS), "default": "ippo", "help": critics},
@@ -102,20 +124,23 @@ def main() -> None:
     )
     torch.set_num_threads(options.threads)
     algorithm = ALGORITHMS[options.algorithm].get_from_yaml()
-    algorithm.entropy_coef, algorithm.lmbda = ENTROPY, 0.95
+    rewards, callbacks = VALUES, [Curve(options.out / "curve.csv")]
+    if on_policy := algorithm.on_policy():
+        algorithm.entropy_coef, algorithm.lmbda = ENTROPY, 0.95
+        rewards, callbacks = {}, [Annealing(), *callbacks]
     layers = {"num_cells": [128, 128], "layer_class": nn.Linear, "activation_class": nn.Tanh}
     of_state = MlpConfig(**layers, num_feature_dims=3)
     experiment = Experiment(
-        task=SearchTask.SEARCH.get_task({**TRAINING_TASK, **SHOWN, **MISSION}),
+        task=SearchTask.SEARCH.get_task({**TRAINING_TASK, **SHOWN, **MISSION, **rewards}),
         algorithm_config=algorithm,
         model_config=MlpConfig(**layers),
         critic_model_config=of_state if options.algorithm == "mappo" else None,
         seed=options.seed,
-        config=make_config(options.out, options.steps),
-        callbacks=[Annealing(), Curve(options.out / "curve.csv")],
+        config=make_config(options.out, options.steps, on_policy),
+        callbacks=callbacks,
     )
     experiment.run()
-    torch.save(experiment.policy, options.out / "policy.pt")
+    torch.save((options.algorithm, experiment.policy), options.out / "policy.pt")
     trained = f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}"
     training.finish(trained, f"benchmarl-{options.algorithm}", options)
 

@@ -53,6 +53,7 @@ def build_algorithm(options: argparse.Namespace) -> Algorithm:
             num_env_runners=options.num_env_runners,
             num_envs_per_env_runner=options.num_envs * DRONES,
             gym_env_vectorize_mode="vector_entry_point",
+            sample_timeout_s=600,  # a busy machine may need more than the default, a minute
         )
         .rl_module(rl_module_spec=RLModuleSpec(rllib.MaskedPPOModule, model_config=network))
         .training(

@@ -44,6 +44,11 @@ RUNNERS = ("--num-env-runners", 2, "--num-envs", 2)
             *("benchmarl", "benchmarl", "benchmarl-mappo"),
             *("--steps", 10_000, "--algorithm", "mappo"),
         ),
+        example(
+            "benchmarl-qmix",
+            *("benchmarl", "benchmarl", "benchmarl-qmix"),
+            *("--steps", 10_000, "--algorithm", "qmix"),
+        ),
         example("tianshou", "tianshou", "tianshou", "tianshou-ppo", "--steps", 4_000),
         example("rllib-local", "lz4", "rllib", "rllib-ppo", "--steps", 4_000),
         example("rllib-runners", "lz4", "rllib", "rllib-ppo", "--steps", 4_000, *RUNNERS),

@@ -27,6 +27,7 @@ from DroneSwarmSearch.vector.vector_env import DroneVectorEnv
 __all__ = [
     "ACTION",
     "ACTION_MASK",
+    "ACTION_VALUE",
     "GROUP",
     "LOGITS",
     "OBSERVATION",
@@ -59,6 +60,9 @@ STATE, SUCCESS, PROBABILITY = "state", ("info", "is_success"), ("info", "probabi
 
 LOGITS, VALUE, RETURN = (GROUP, "logits"), (GROUP, "value"), (GROUP, "episode_reward")
 """What policies, critics and ``RewardSum`` write."""
+
+ACTION_VALUE = (GROUP, "action_value")
+"""What value-based policies write."""
 
 PPO_KEYS: dict[str, Key] = {
     "action": ACTION,
@@ -259,7 +263,8 @@ def logits(
 ) -> Callable[[Mapping[str, Any]], NDArray[Any]]:
     """The network of a policy of TorchRL or BenchMARL, for `TrainedPolicy`.
 
-    `policy` reads `OBSERVATION` and `ACTION_MASK` of swarms of `n_drones`, and writes `LOGITS`.
+    `policy` reads `OBSERVATION` and `ACTION_MASK` of swarms of `n_drones`, and writes `LOGITS` or
+    `ACTION_VALUE`. With values, pass ``deterministic=True`` to `TrainedPolicy`.
     """
 
     def masked_logits(shown: Mapping[str, Any]) -> NDArray[Any]:
@@ -268,7 +273,8 @@ def logits(
         drones["action_mask"] = drones["action_mask"].bool()
         batch = TensorDict({GROUP: drones}, batch_size=count // n_drones)
         with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
-            values = policy(batch)[LOGITS]
+            written = policy(batch)
+        values = written[LOGITS if LOGITS in written.keys(True) else ACTION_VALUE]
         masked = values.masked_fill(~drones["action_mask"], LEAST_LOGIT)
         by_drone: NDArray[Any] = masked.flatten(0, 1).numpy()
         return by_drone
