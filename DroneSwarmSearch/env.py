@@ -341,10 +341,10 @@ class DroneSwarmSearch(SearchSpaces):
         Raises:
             ResetNeeded: before the first `reset`.
         """
-        (cells, matrix, _, _), world = self.snapshot(), self._world
+        now, world = self.snapshot(), self._world
         missing = [world.person_cell(person) for person in world.missing if world.is_rescue]
         persons = np.array([missing], np.int64)
-        planes = state_planes(matrix[None], np.array([cells]), persons, persons >= 0)
+        planes = state_planes(now.matrix[None], np.array([now.cells]), persons, persons >= 0)
         state: NDArray[np.float32] = planes[0]
         return state
 
@@ -365,15 +365,15 @@ class DroneSwarmSearch(SearchSpaces):
         Raises:
             ResetNeeded: before the first `reset`, and after an interrupted step or reset.
         """
-        (cells, matrix, _, _), world = self.snapshot(), self._world
+        now, world = self.snapshot(), self._world
         positions, finds = self._grid.positions, world.finds
         drones, persons = self._drones, world.persons if world.is_rescue else ()
         person_cells = (
             finds[person][1] if person in finds else world.person_cell(person) for person in persons
         )
         return Frame(
-            matrix=matrix,
-            drones=tuple(positions[cell] for cell in cells),
+            matrix=now.matrix,
+            drones=tuple(positions[cell] for cell in now.cells),
             searching=tuple(action == Action.SEARCH for action in drones.chosen),
             persons=tuple(positions[cell] for cell in person_cells),
             found_by=tuple(finds.get(person, (None, 0))[0] for person in persons),

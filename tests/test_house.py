@@ -9,7 +9,7 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
-from trainer_examples import module_at
+from helpers import module_at
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "DroneSwarmSearch"

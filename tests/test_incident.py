@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from test_track_files import NOON, write
 
 from DroneSwarmSearch import Scenario, leeway
+from DroneSwarmSearch.cli import main
 from DroneSwarmSearch.drift.leeway import KNOT, current_towards, wind_from
 from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.evaluation import evaluate
@@ -468,3 +469,20 @@ def test_bad_input_is_refused_in_one_sentence(values: dict[str, Any], message: s
         Incident(**{**KNOWN, **values}).plan()
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
+
+
+def test_faults_of_a_file_are_told_from_those_of_options(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def errors(*options: str) -> str:
+        with pytest.raises(SystemExit, match="2"):
+            main(["plan", "--incident", str(path), "--out", str(tmp_path / "plan"), *options])
+        return capsys.readouterr().err
+
+    path = tmp_path / "incident.json"
+    Incident(**KNOWN).save(path)
+    assert "error: --drones must be an integer from 1 to 50, got 0" in errors("--drones", "0")
+    path.write_text(path.read_text("utf-8").replace('"drones": 3', '"drones": 99'), "utf-8")
+    assert f"{path} must be the file of an incident: drones must be" in errors("--turn", "5")
+    path.write_text("[]", "utf-8")
+    assert f"{path} must be the file of an incident: " in errors("--drones", "2")

@@ -112,10 +112,17 @@ def _incident(options: argparse.Namespace) -> Incident:
 
 def _read(path: Path, given: dict[str, Any]) -> Incident:
     try:
+        return Incident.read(path, **given)
+    except (OSError, TypeError, ValueError):
+        _check_file(path)
+        raise  # it is about the options
+
+
+def _check_file(path: Path) -> None:
+    try:
         Incident.read(path)
     except (OSError, TypeError, ValueError) as error:
         raise ValueError(f"{path} must be the file of an incident: {error}") from None
-    return Incident.read(path, **given)
 
 
 def summary(plan: FlightPlan) -> str:

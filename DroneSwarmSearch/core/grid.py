@@ -103,13 +103,12 @@ def moves_between(dx: Any, dy: Any) -> Any:
     return abs(dx) + abs(dy)
 
 
-def _shift(dx: int, dy: int) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    before = (slice(max(-dy, 0), -dy if dy > 0 else None), slice(max(-dx, 0), min(-dx, 0) or None))
-    after = (slice(max(dy, 0), dy if dy < 0 else None), slice(max(dx, 0), min(dx, 0) or None))
-    return (..., *before), (..., *after)
+def _leaving(dx: int, dy: int) -> tuple[Any, ...]:
+    """The cells from which a displacement stays on the grid."""
+    return ..., *(slice(max(-step, 0), min(-step, 0) or None) for step in (dy, dx))
 
 
-SHIFTS = tuple(_shift(dx, dy) for dx, dy in MOVES)
+SHIFTS = tuple((_leaving(dx, dy), _leaving(-dx, -dy)) for dx, dy in MOVES)
 """For each move, as indices of arrays (..., y, x): the cells that a drone can leave, and those in
 which it then arrives."""
 

@@ -148,7 +148,7 @@ class WorldState:
     # What is shown.
 
     def prior(self) -> Singles | None:
-        """The forecast of the current step, where `matrix` is the posterior; a new array."""
+        """The forecast of the current step if the matrix shows the beliefs; a new array."""
         shown = self._beliefs is not None and self._shows_beliefs
         return mean_forecast(self._models, self.missing, self.step) if shown else None
 

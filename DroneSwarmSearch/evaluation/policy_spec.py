@@ -82,7 +82,8 @@ def _imported(file: str, attribute: str) -> Callable[..., Any]:
     path = Path(file)
     sys.path.insert(0, str(path.parent.resolve()))  # as when Python runs the file
     # Workers cannot import the module, so joblib pickles its content with the policy.
-    found: Any = runpy.run_path(file, run_name=f"_policy_{path.stem}").get(attribute)
+    content = runpy.run_path(file, run_name=f"_policy_{path.stem}")
+    found: Callable[..., Any] | None = content.get(attribute)
     if not callable(found):
         raise ValueError(f"policy must name a callable, but {file} has none called {attribute!r}")
-    return found  # type: ignore[no-any-return]
+    return found

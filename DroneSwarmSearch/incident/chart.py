@@ -86,8 +86,8 @@ def draw(plan: PlannedFlights, drones: Sequence[int]) -> Figure:
     axes.set(xlim=(left, right), ylim=(bottom, top))
     _graticule(axes, plane)
     if isinstance(incident.current, str):
-        across, up_ = (np.linspace(*each, 14)[1:-1] for each in ((left, right), (bottom, top)))
-        grid = np.stack(np.meshgrid(across, up_)).reshape(2, -1)
+        across, along = (np.linspace(*each, 14)[1:-1] for each in ((left, right), (bottom, top)))
+        grid = np.stack(np.meshgrid(across, along)).reshape(2, -1)
         middle = incident.seconds(plan.on_scene)
         arrows = incident.flow("current", checked=False)(middle, grid)
         fastest = f"{np.nanmax(np.hypot(*arrows)) / KNOT:.1f} kn"

@@ -24,7 +24,7 @@ FIGURES = 40_000
 
 @dataclass(frozen=True, eq=False)
 class PlannedFlights:
-    """The data of a `FlightPlan`, which describes it, and its figures."""
+    """The data of a `FlightPlan`, see there, with its figures and orders."""
 
     incident: Report
     patterns: tuple[Pattern, ...] = field(repr=False)

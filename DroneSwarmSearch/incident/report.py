@@ -56,7 +56,7 @@ ABOVE_ZERO = "speed", "swath", "endurance"
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """The values of an `Incident`, which describes them, and what follows from them."""
+    """The values of an `Incident`, see there, with its possible persons and its drones."""
 
     position: Any = None
     time: Any = None
@@ -293,7 +293,7 @@ class Report:
     # Files.
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the incident as JSON, to edit and to `read`; `tracks` as seen from the file."""
+        """Write the incident as JSON, to edit and to `read`; paths count from its folder."""
         values = {each.name: getattr(self, each.name) for each in fields(self)}
         values |= self._typed  # type: ignore[attr-defined]
         if self.base == self.position:
@@ -322,9 +322,7 @@ class Report:
             raise ValueError(f"{path} must hold an incident, a JSON object, got {data!r:.100}")
         for name in ("tracks", "wind", "current"):
             file = data.get(name)
-            if file and (
-                name == "tracks" or (isinstance(file, str) and Path(file).suffix in FILES)
-            ):
+            if isinstance(file, str) and (name == "tracks" or Path(file).suffix in FILES):
                 data[name] = os.path.normpath(Path(path).parent / file)
         return cls(**{**data, **changes})
 

@@ -1,4 +1,4 @@
-"""Search planning: plans for all drones (`joint_plan`), and the bound of the room `bound`."""
+"""Search planning: plans for all drones, and an upper bound on the success of any policy."""
 
 from DroneSwarmSearch.bound.success import SuccessBound, success_bound
 

@@ -59,7 +59,8 @@ class BatchPolicy(ABC):
         seen = [observation["observation"] for observation in observations.values()]
         positions, matrices = np.array([[cell for cell, _ in seen]]), seen[0][1][None]
         self._check_shape("observations", positions, self.scenario.n_drones, 2)
-        self._check_shape("matrix", matrices, *[self.scenario.grid_size] * 2)
+        size = self.scenario.grid_size
+        self._check_shape("matrix", matrices, size, size)
         actions: list[int] = self._act(np.zeros(1, np.int64), positions, matrices)[0].tolist()
         return dict(zip(observations, actions, strict=True))
 
@@ -98,7 +99,8 @@ class BatchPolicy(ABC):
             raise TypeError(f"positions must be integers, got {positions.dtype}")
         self._check_shape("positions", positions, self.scenario.n_drones, 2)
         matrices = np.asarray(observations["probability_matrix"], np.float32)
-        self._check_shape("probability_matrix", matrices, *[self.scenario.grid_size] * 2)
+        size = self.scenario.grid_size
+        self._check_shape("probability_matrix", matrices, size, size)
         rows = _checked_rows("row", observations.get("row", np.arange(len(positions))))
         for name, array in (("probability_matrix", matrices), ("row", rows)):
             if len(array) != len(positions):

@@ -92,11 +92,9 @@ class BeliefTracker:
 
     def worth(self, person: int, step: int) -> float:
         """What turns the mass of a missing person in a step into `success`, before the mean."""
-        kept, who = (
-            self._beliefs[person].kept if self._beliefs else 1.0,
-            self.scenario.persons_to_find,
-        )
-        return who[person].probability_of_detection * kept * who[person].alive(step)
+        who = self.scenario.persons_to_find[person]
+        kept = self._beliefs[person].kept if self._beliefs else 1.0
+        return who.probability_of_detection * kept * who.alive(step)
 
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
         """The matrix shown while some persons, by default `missing`, are: float32, (N, N)."""

@@ -134,7 +134,7 @@ class GreedyPolicy(_Greedy):
 
     def begin(self) -> Floats:
         """The fraction by which recent searches lower each cell's value, shape (N, N)."""
-        return np.zeros([self.scenario.grid_size] * 2)
+        return np.zeros((self.scenario.grid_size, self.scenario.grid_size))
 
     def choose(self, memory: Floats, cells: list[Cell], matrix: Singles) -> list[Action]:
         values = matrix.astype(np.float64) * (1.0 - memory)
