@@ -2,7 +2,7 @@
 
     pip install "DroneSwarmSearchEnvironment[benchmarl]"
     python examples/train_benchmarl.py --out runs/ippo
-    python examples/train_benchmarl.py --out runs/qmix --algorithm qmix
+    python examples/train_benchmarl.py --out runs/qmix --algorithm qmix --task medium
 
 All drones share one policy. Masks prevent crashes. MAPPO's critic and QMIX's mixer see the state,
 which shows the person; the policy does not. Other models of BenchMARL take the same task.
@@ -27,10 +27,9 @@ from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.adapters.benchmarl import SearchTask
 from DroneSwarmSearch.adapters.torchrl import logits
 from DroneSwarmSearch.evaluation import View
-from DroneSwarmSearch.training import TRAINING_TASK
+from DroneSwarmSearch.training import TASKS
 
-NUM_SWARMS, NUM_STEPS = 100, 50  # searches, and steps of each between two updates
-BATCH = NUM_SWARMS * NUM_STEPS
+NUM_SWARMS = 100  # searches; each is flown once between two updates
 ALGORITHMS = {
     "ippo": IppoConfig,
     "mappo": MappoConfig,
@@ -41,12 +40,17 @@ ALGORITHMS = {
 
 # In the coverage mission nobody is found: a search pays the swarm the probability of success that
 # it adds, which is less noisy than a find.
-MISSION = {"mission": "coverage", "shared_reward": True}
+MISSION = {"mission": "coverage"}
 LEARNING_RATE, ENTROPY = 1.5e-3, 0.001  # both fall to 0
+
+# VDN and QMIX divide the value of the swarm among its drones, so all are paid the mean over the
+# swarm. Other algorithms learn faster from a drone's own searches, but two drones of PPO cooperate
+# better if they share.
+SHARING = {"vdn": math.inf, "qmix": math.inf, "ippo": 2, "mappo": 2, "iql": 0}
 
 # A search adds about .01. Values this small vanish in the errors of a new network, and drones that
 # take the largest value then follow the largest error.
-VALUES = {"reward_scale": 128.0}
+VALUE_SCALE = 128.0
 
 # What the policy is shown, in training and evaluation.
 SHOWN = {"observation": "crops", "right_of_way": True}
@@ -74,9 +78,8 @@ class Curve(Callback):
 
     def on_batch_collected(self, batch: TensorDictBase) -> None:
         logged = self.experiment.task.log_info(batch)
-        steps = (self.experiment.n_iters_performed + 1) * BATCH
         found = logged["collection/probability_of_success"]
-        training.log_row(self._path, steps=steps, found=found)
+        training.log_row(self._path, steps=self.experiment.total_frames, found=found)
 
 
 class Trained(TrainedPolicy):
@@ -93,17 +96,17 @@ class Trained(TrainedPolicy):
         super().__init__(logits(policy, scenario.n_drones), deterministic=greedy, view=view)
 
 
-def make_config(folder: Path, steps: int, on_policy: bool) -> ExperimentConfig:
+def make_config(folder: Path, steps: int, limit: int, on_policy: bool) -> ExperimentConfig:
     """BenchMARL's defaults, adapted to a small task and a CPU."""
-    config = ExperimentConfig.get_from_yaml()
-    config.max_n_frames, config.max_n_iters = None, math.ceil(steps / BATCH)
+    config, batch = ExperimentConfig.get_from_yaml(), NUM_SWARMS * limit
+    config.max_n_frames, config.max_n_iters = None, math.ceil(steps / batch)
     config.on_policy_n_envs_per_worker = NUM_SWARMS
-    config.on_policy_collected_frames_per_batch, config.checkpoint_at_end = BATCH, True
+    config.on_policy_collected_frames_per_batch, config.checkpoint_at_end = batch, True
     config.on_policy_n_minibatch_iters, config.on_policy_minibatch_size = 4, 1000
     config.lr, config.clip_grad_val = LEARNING_RATE, 0.5
     if not on_policy:
         config.off_policy_n_envs_per_worker = NUM_SWARMS
-        config.off_policy_collected_frames_per_batch = BATCH
+        config.off_policy_collected_frames_per_batch = batch
         config.off_policy_n_optimizer_steps, config.off_policy_train_batch_size = 100, 512
         config.off_policy_memory_size = 100_000
         config.exploration_eps_end = 0.02
@@ -120,29 +123,38 @@ def main() -> None:
     options = training.begin(
         "Train drones with BenchMARL.",
         algorithm={"choices": list(ALGORITHMS), "default": "ippo", "help": critics},
+        task={"choices": list(TASKS), "default": "small", "help": "of the benchmark"},
         steps={"type": int, "default": 400_000, "help": "environment steps in all"},
     )
     torch.set_num_threads(options.threads)
     algorithm = ALGORITHMS[options.algorithm].get_from_yaml()
-    rewards, callbacks = VALUES, [Curve(options.out / "curve.csv")]
+    task = TASKS[options.task]
+    drones, limit = task.parameters["n_drones"], task.parameters["timestep_limit"]
+    scale = drones / 2  # a drone's share of the success is the smaller, the more there are
+    callbacks = [Curve(options.out / "curve.csv")]
     if on_policy := algorithm.on_policy():
         algorithm.entropy_coef, algorithm.lmbda = ENTROPY, 0.95
-        rewards, callbacks = {}, [Annealing(), *callbacks]
+        callbacks.insert(0, Annealing())
+    else:
+        scale *= VALUE_SCALE
+    rewards = {"shared_reward": drones <= SHARING[options.algorithm], "reward_scale": scale}
     layers = {"num_cells": [128, 128], "layer_class": nn.Linear, "activation_class": nn.Tanh}
     of_state = MlpConfig(**layers, num_feature_dims=3)
     experiment = Experiment(
-        task=SearchTask.SEARCH.get_task({**TRAINING_TASK, **SHOWN, **MISSION, **rewards}),
+        task=SearchTask.SEARCH.get_task(
+            {**task.parameters, "sampler": task.sampler, **SHOWN, **MISSION, **rewards}
+        ),
         algorithm_config=algorithm,
         model_config=MlpConfig(**layers),
         critic_model_config=of_state if options.algorithm == "mappo" else None,
         seed=options.seed,
-        config=make_config(options.out, options.steps, on_policy),
+        config=make_config(options.out, options.steps, limit, on_policy),
         callbacks=callbacks,
     )
     experiment.run()
     torch.save((options.algorithm, experiment.policy), options.out / "policy.pt")
     trained = f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}"
-    training.finish(trained, f"benchmarl-{options.algorithm}", options)
+    training.finish(trained, f"benchmarl-{options.algorithm}", options, task=task)
 
 
 if __name__ == "__main__":

@@ -83,7 +83,7 @@ class SearchClass(TaskClass):
         if PROBABILITY in batch["next"].keys(True):
             keys["probability_of_success"] = PROBABILITY
         metrics = {name: episode_metrics(batch, success=key) for name, key in keys.items()}
-        return {f"collection/{name}": each["found"] for name, each in metrics.items() if each}
+        return {f"collection/{name}": metric["found"] for name, metric in metrics.items() if metric}
 
 
 def _of_drones(env: EnvBase, name: str) -> Composite:

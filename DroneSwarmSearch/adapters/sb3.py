@@ -199,7 +199,7 @@ class SB3Policy(TrainedPolicy):
 
 def _shapes(space: spaces.Space[Any]) -> Any:
     if isinstance(space, spaces.Dict):
-        return {name: _shapes(each) for name, each in space.items()}
+        return {name: _shapes(part) for name, part in space.items()}
     return space.shape
 
 

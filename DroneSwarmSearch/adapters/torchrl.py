@@ -223,7 +223,7 @@ class SearchEnv(EnvBase):
 def _spec(space: spaces.Space[Any], shape: torch.Size) -> TensorSpec:
     """The spec of a batch of observations of a space, a Box or a Dict."""
     if isinstance(space, spaces.Dict):
-        return Composite({name: _spec(each, shape) for name, each in space.items()}, shape=shape)
+        return Composite({name: _spec(part, shape) for name, part in space.items()}, shape=shape)
     assert isinstance(space, spaces.Box)
     low, high = torch.from_numpy(space.low), torch.from_numpy(space.high)
     return Bounded(low, high, space.shape, dtype=low.dtype).expand(*shape, *space.shape)

@@ -56,14 +56,14 @@ class Histories:
             shorter[rest] = len(shorter)
             ahead: list[tuple[Offset, ...]] = [((0, 0), *rest)[:memory]]
             for dx, dy in MOVES:
-                seen = [None if each is None else (each[0] - dx, each[1] - dy) for each in rest]
+                seen = [None if place is None else (place[0] - dx, place[1] - dy) for place in rest]
                 ahead.append((None, *seen)[:memory])
-            for each in ahead:
-                if each not in indices:
-                    indices[each] = len(indices)
-                    self.all.append(each)
-            after.append([indices[each] for each in ahead])
-        self.shorter: Ints = np.array([shorter[each[:kept]] for each in self.all])
+            for history in ahead:
+                if history not in indices:
+                    indices[history] = len(indices)
+                    self.all.append(history)
+            after.append([indices[history] for history in ahead])
+        self.shorter: Ints = np.array([shorter[history[:kept]] for history in self.all])
         self.after_search, *after_move = np.array(after).T
         self.after_move: Ints = np.array(after_move)
 
@@ -131,7 +131,7 @@ class RememberingDrones:
     def sums(self, weights: Floats, part: slice = EVERYTHING) -> list[Floats]:
         """Add up the weights of some trajectories, (2, m), by group."""
         return [
-            np.array([np.bincount(step.group[part], each, len(step.past)) for each in weights])
+            np.array([np.bincount(step.group[part], weight, len(step.past)) for weight in weights])
             for step in self._steps
         ]
 
@@ -149,14 +149,14 @@ class RememberingDrones:
         """The most that all drones can gain, rounded up."""
         size, histories = self._size, self._histories
         values: Singles = np.zeros((len(histories.all), size, size), np.float32)
-        for step, credits, each in self._backward(sums):
+        for step, credits, step_sums in self._backward(sums):
             best = values.take(histories.after_search, axis=0)
             searched = best.take(histories.shorter, axis=0)
             for after, (here, there) in zip(histories.after_move, SHIFTS, strict=True):
                 np.maximum(best[here], values.take(after, axis=0)[there], out=best[here])
             values = best.take(histories.shorter, axis=0)
             rows, columns = step.box
-            searched[:, rows, columns] += self._gains(step, credits, each)
+            searched[:, rows, columns] += self._gains(step, credits, step_sums)
             np.maximum(values, searched, out=values)
         gained = float(values[0].reshape(-1)[self._starts].astype(np.float64).sum())
         # Single precision loses at most this fraction of a sum of positive numbers.
@@ -171,7 +171,7 @@ class RememberingDrones:
         flow = np.empty((len(self._steps), *shape), np.float32)
         moves = np.empty((len(self._steps), len(MOVES), n_shorter, size, size), np.float32)
         number = len(self._steps)
-        for step, credits, each in self._backward(sums):
+        for step, credits, step_sums in self._backward(sums):
             number -= 1
             # The probabilities of the moves, and of searching instead.
             move = moves[number]
@@ -187,7 +187,7 @@ class RememberingDrones:
             moved = most.take(histories.shorter, axis=0)
             searched = values.take(histories.after_search, axis=0).take(histories.shorter, axis=0)
             rows, columns = step.box
-            searched[:, rows, columns] += self._gains(step, credits, each)
+            searched[:, rows, columns] += self._gains(step, credits, step_sums)
             most = np.maximum(searched, moved)
             # Faster than np.logaddexp in single precision.
             values = most + np.log1p(np.exp(np.minimum(searched, moved) - most))
@@ -260,7 +260,7 @@ class RememberingDrones:
 
     def _gains(self, step: _Grouped, credits: Singles, sums: Floats) -> Singles:
         """The gain of searching each cell in the box with each history: shape (H, y, x)."""
-        height, width = (each.stop - each.start for each in step.box)
+        height, width = (part.stop - part.start for part in step.box)
         table = np.zeros((step.pasts.shape[1], height * width), np.float32)
         table[step.past, step.place] = sums[0]
         gains: Singles = credits @ table

@@ -98,8 +98,8 @@ def mirror_ascent(
         tangent = drones.sums(slope * share, part)
         if not iteration:
             smoothness = max(drones.most(tangent), 1e-9) / (STEP_SIZE * math.sqrt(drones.count))
-        for each, new in zip(sums, tangent, strict=True):
-            each += new / (size * smoothness * (1.0 + SLOWER * iteration))
+        for step_sums, new in zip(sums, tangent, strict=True):
+            step_sums += new / (size * smoothness * (1.0 + SLOWER * iteration))
         flow = drones.soft_flow(sums)
         mean += np.float32(size) * (flow - mean)
         recency = (iteration + 1.0) ** RECENT

@@ -162,13 +162,13 @@ def success_bound(
     confidence = CONFIDENCE if sampled else 1.0
     counts = np.array([persons.count(person) for person in models])
     results = [
-        np.array(each)
-        for each in (curves, [s.value for s in solutions], [s.upper_bound for s in solutions])
+        np.array(column)
+        for column in (curves, [s.value for s in solutions], [s.upper_bound for s in solutions])
     ]
     if scenario.mission == "coverage":
-        by_time, value, upper = (np.average(each, axis=0, weights=counts) for each in results)
+        by_time, value, upper = (np.average(result, axis=0, weights=counts) for result in results)
     else:
-        by_time, value, upper = (np.prod(each.T**counts, axis=-1) for each in results)
+        by_time, value, upper = (np.prod(result.T**counts, axis=-1) for result in results)
     return SuccessBound(by_time, float(value), float(upper - value), confidence)
 
 
@@ -223,7 +223,7 @@ class _Relaxation:
         bounds = {ends[0]: self._certain(upper_bound, solution, 1.0 - BEFORE)}
         sums = solution.sums
         for end in ends[1:]:
-            sums = [each / 2.0 for each in sums[:end]]
+            sums = [total / 2.0 for total in sums[:end]]
             relaxed = self._solve(drones.until(end), ITERATIONS_BEFORE, sums)
             bounds[end] = self._certain(relaxed.upper_bound, relaxed, before)
         return _filled(bounds), solution

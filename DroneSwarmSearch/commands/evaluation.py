@@ -95,11 +95,11 @@ def bound(options: argparse.Namespace) -> None:
     folder, how = RunFolder(options.out, manifest(searches)), (options.workers, options.ray)
     bounds = bounds_of(searches, folder, *how, True)
     parts, rows = (0.25, 0.5, 0.75, 1.0), []
-    for each in searches:
-        limit, bound = each.scenario.timestep_limit, bounds[each.name]
+    for search in searches:
+        limit, bound = search.scenario.timestep_limit, bounds[search.name]
         by_time = [f"{100 * bound.by_time[round(part * limit)]:.2f}" for part in parts]
         confidence = "exact" if bound.confidence == 1.0 else f"{bound.confidence:.6g}"
-        rows.append([each.name, str(limit), *by_time, f"{100 * bound.gap:.2f}", confidence])
+        rows.append([search.name, str(limit), *by_time, f"{100 * bound.gap:.2f}", confidence])
     headers = ["search", "steps", *(f"by {part:.0%}, %" for part in parts)]
     print_table([*headers, "duality gap, %", "confidence"], rows, words=1)
 
@@ -158,12 +158,14 @@ def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leader
 
 def _searches(options: argparse.Namespace) -> list[NamedSearch]:
     """The searches of the suite or of files, with another mission if one is given."""
-    every = [name for each in options.searches for name in (SUITE if each == "all" else [each])]
+    every = [name for text in options.searches for name in (SUITE if text == "all" else [text])]
     found = [search_on_grid(name) for name in dict.fromkeys(every)]
     check_names("searches", found)
     mission = getattr(options, "mission", None)
     if mission is not None:
-        found = [replace(each, scenario=each.scenario.replace(mission=mission)) for each in found]
+        found = [
+            replace(search, scenario=search.scenario.replace(mission=mission)) for search in found
+        ]
     return found
 
 
@@ -175,22 +177,22 @@ def _print_suite() -> None:
     print(f"\nsearches of suite {SUITE_VERSION}:\n")
     width = max(map(len, SUITE))
     indent = " " * (width + 3)
-    for name, each in SUITE.items():
-        outline = f"  {name:<{width}} {each.outline}"
+    for name, search in SUITE.items():
+        outline = f"  {name:<{width}} {search.outline}"
         print(textwrap.fill(outline, WIDTH, subsequent_indent=indent))
-        print(textwrap.fill(each.reason, WIDTH, initial_indent=indent, subsequent_indent=indent))
+        print(textwrap.fill(search.reason, WIDTH, initial_indent=indent, subsequent_indent=indent))
 
 
 def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Namespace) -> None:
     for is_coverage in (False, True):
-        mine = [each for each in evaluations if each.is_coverage == is_coverage]
-        alive = any(each.success_alive for each in mine)
-        rows = [_columns(each, options.bound, alive) for each in mine]
+        mine = [result for result in evaluations if result.is_coverage == is_coverage]
+        alive = any(result.success_alive for result in mine)
+        rows = [_columns(result, options.bound, alive) for result in mine]
         if rows:
             print_table([*rows[0]], [[*row.values()] for row in rows])
             print()
-    updates = {each.search.scenario.bayesian_update for each in evaluations}
-    shown = " or ".join(("prior", "posterior")[each] for each in sorted(updates))
+    updates = {result.search.scenario.bayesian_update for result in evaluations}
+    shown = " or ".join(("prior", "posterior")[update] for update in sorted(updates))
     print(
         f"{options.episodes} episodes of each search, seeds from {options.seed}, suite "
         f"{SUITE_VERSION}, {shown} shown.\nFigures without an interval are exact, except returns, "

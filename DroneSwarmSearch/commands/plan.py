@@ -94,7 +94,7 @@ def run(options: argparse.Namespace) -> None:
 
 def _incident(options: argparse.Namespace) -> Incident:
     """The incident that the options describe."""
-    values = {each.name: getattr(options, each.name, None) for each in fields(Incident)}
+    values = {field.name: getattr(options, field.name, None) for field in fields(Incident)}
     for name in ("wind", "current"):
         if file := getattr(options, f"{name}_file"):
             values[name] = file
@@ -131,7 +131,7 @@ def summary(plan: FlightPlan) -> str:
     What more would bring is that of quick plans, which begin with this one's patterns.
     """
     incident, scene = plan.incident, plan.on_scene
-    times = {each: scene + timedelta(minutes=each) for each in MINUTES}
+    times = {minute: scene + timedelta(minutes=minute) for minute in MINUTES}
     success = [f"{plan.success(t):.0%} after {m}" for m, t in times.items() if t < plan.landed]
     changes: dict[str, dict[str, Any]] = {
         "One more drone": {"drones": incident.drones + 1},

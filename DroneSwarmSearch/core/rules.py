@@ -147,7 +147,7 @@ class RewardScheme:
     @classmethod
     def _figures(cls) -> list[str]:
         """The names of all figures: the fields that are numbers."""
-        return [each.name for each in fields(cls) if not isinstance(each.default, bool)]
+        return [field.name for field in fields(cls) if not isinstance(field.default, bool)]
 
     @classmethod
     def _zeros(cls) -> dict[str, Any]:

@@ -116,7 +116,7 @@ class Scenario:
 
     def __getstate__(self) -> dict[str, Any]:
         """The parameters, without what is cached."""
-        return {each.name: getattr(self, each.name) for each in fields(self)}
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def replace(self, **changes: Any) -> Scenario:
         """Return a scenario with other values of some parameters.
@@ -135,7 +135,7 @@ class Scenario:
     def to_dict(self) -> dict[str, Any]:
         """Return the parameters as plain data for JSON; `from_dict` reads it."""
         scheme = asdict(self.reward_scheme)
-        persons = None if self.persons is None else [each.to_dict() for each in self.persons]
+        persons = None if self.persons is None else [person.to_dict() for person in self.persons]
         return {**self.__getstate__(), "reward_scheme": scheme, "persons": persons}
 
     @classmethod
@@ -146,7 +146,7 @@ class Scenario:
             TypeError: `data` is not a mapping, or a value is of the wrong type.
             ValueError: a value is out of its limits, or there is no such parameter.
         """
-        known = [each.name for each in fields(cls)]
+        known = [field.name for field in fields(cls)]
         for name in data:
             if name not in known:
                 raise ValueError(f"a scenario has the parameters {', '.join(known)}, got {name!r}")
@@ -156,7 +156,7 @@ class Scenario:
         persons = data.get("persons")
         if persons is not None and not isinstance(persons, Person):
             given = checks.items("persons", persons, "a list of persons")
-            persons = [_person_from_dict(place, each) for place, each in enumerate(given)]
+            persons = [_person_from_dict(place, person) for place, person in enumerate(given)]
         return cls(**{**data, "reward_scheme": scheme, "persons": persons})
 
     @cached_property
@@ -243,7 +243,7 @@ class Scenario:
                 f"got them for {len(drones_positions)}"
             )
         pairs = enumerate(drones_positions)
-        return np.array([self.drone_cells(each, f"drones_positions[{k}]") for k, each in pairs])
+        return np.array([self.drone_cells(cells, f"drones_positions[{k}]") for k, cells in pairs])
 
 
 def checked_scenario(scenario: object) -> Scenario:

@@ -112,7 +112,7 @@ class WorldState:
                 self.missing = tuple(other for other in self.missing if other != person)
         if self._keeps_beliefs:
             self._beliefs = [belief.after_search(searches) for belief in self._begun_beliefs()]
-            self.success = 1.0 - mean_over_missing([each.kept for each in self._beliefs], ())
+            self.success = 1.0 - mean_over_missing([belief.kept for belief in self._beliefs], ())
             self.is_covered = not self.is_rescue and self.success > COVERED_AT
         return finders
 
@@ -120,7 +120,7 @@ class WorldState:
         """The beliefs, which begin with an episode's first search."""
         if self._beliefs is None:
             pairs = zip(self._models, self._detections, strict=True)
-            self._beliefs = [Belief(model, each, model.joint(self.step)) for model, each in pairs]
+            self._beliefs = [Belief(model, pod, model.joint(self.step)) for model, pod in pairs]
         return self._beliefs
 
     def _is_detected(self, person: int) -> bool:

@@ -70,14 +70,14 @@ class Axes(NamedTuple):
     @classmethod
     def of(cls, drifts: Sequence[Drift]) -> Axes:
         """The axes of some hypotheses; an array starts in cell 0."""
-        starts = [(0.0, 0.0) if each.prior is not None else each.start for each in drifts]
-        deviations = [each.start_sd for each in drifts]
-        constants = [(each.diffusion, each.adrift) for each in drifts]
+        starts = [(0.0, 0.0) if drift.prior is not None else drift.start for drift in drifts]
+        deviations = [drift.start_sd for drift in drifts]
+        constants = [(drift.diffusion, drift.adrift) for drift in drifts]
         return cls(
             np.array(starts, np.float64).reshape(-1),
             np.array(deviations, np.float64).reshape(-1),
-            _rates([each.vector for each in drifts]),
-            _rates([each.vector_sd for each in drifts]),
+            _rates([drift.vector for drift in drifts]),
+            _rates([drift.vector_sd for drift in drifts]),
             *np.repeat(np.array(constants, np.float64), 2, axis=0).T,
         )
 

@@ -112,7 +112,7 @@ def shown_matrix(
     `vector.world` has the array form.
     """
     if beliefs is not None:
-        return mean_over_missing([each.map() for each in beliefs], missing).astype(np.float32)
+        return mean_over_missing([belief.map() for belief in beliefs], missing).astype(np.float32)
     if len(models) == 1:  # saves a tenth of a step
         return models[0].matrix(step)
     first, *others = (models[person] for person in missing or range(len(models)))

@@ -221,7 +221,7 @@ def _class_labels(tracks: Tracks, classes: int) -> Ints:
     labels = np.zeros(len(features), np.int64)
     for new in range(1, classes):
         spreads = np.array(
-            [features[labels == each].var(axis=0) * (labels == each).sum() for each in range(new)]
+            [features[labels == k].var(axis=0) * (labels == k).sum() for k in range(new)]
         )
         widest, feature = np.unravel_index(spreads.argmax(), spreads.shape)
         values = np.where(labels == widest, features[:, feature], -np.inf)

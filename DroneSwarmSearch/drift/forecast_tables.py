@@ -26,8 +26,8 @@ class ForecastTables(Forecasts):
     def __init__(self, models: Sequence[Any], **options: Any) -> None:
         super().__init__(models, **options)
         self._persons: list[Hypotheses] = [model.known for model in models]
-        priors = [[drift.prior is not None for drift in each.drifts] for each in self._persons]
-        self._has_prior = np.array([any(each) for each in priors])
+        priors = [[drift.prior is not None for drift in person.drifts] for person in self._persons]
+        self._has_prior = np.array([any(prior) for prior in priors])
         self._last_steps: Steps | None = None
         self._hypotheses = self.shape[0]
         shape = self._hypotheses, 2, self._size

@@ -100,7 +100,7 @@ class Drift:
             object.__setattr__(self, name, value)
 
     def __reduce__(self) -> tuple[object, ...]:
-        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         return partial(type(self), **values), ()
 
     def __eq__(self, other: object) -> bool:
@@ -112,12 +112,14 @@ class Drift:
         return hash((self.key, self.weight))
 
     def __repr__(self) -> str:
-        values = [getattr(self, each.name) for each in fields(self)]
+        values = [getattr(self, field.name) for field in fields(self)]
         start, *others = (
             f"<array of shape {value.shape}>" if isinstance(value, np.ndarray) else repr(value)
             for value in values
         )
-        named = [f"{each.name}={text}" for each, text in zip(fields(self)[1:], others, strict=True)]
+        named = [
+            f"{field.name}={text}" for field, text in zip(fields(self)[1:], others, strict=True)
+        ]
         return f"Drift({start}, {', '.join(named)})"
 
     @property
@@ -165,8 +167,8 @@ class Drift:
     @cached_property
     def key(self) -> tuple[object, ...]:
         """A hashable key of everything but the weight; equal for equal forecasts."""
-        values = (getattr(self, each.name) for each in fields(self) if each.name != "weight")
-        return tuple(each.tobytes() if isinstance(each, np.ndarray) else each for each in values)
+        values = (getattr(self, field.name) for field in fields(self) if field.name != "weight")
+        return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in values)
 
     def check_grid(self, grid_size: int, name: str = "drift") -> None:
         """Raise a ValueError, with this drift's name, if the start does not fit on a grid."""
@@ -188,7 +190,9 @@ class Drift:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the values as plain data for JSON; `from_dict` reads it."""
-        return {each.name: np.asarray(getattr(self, each.name)).tolist() for each in fields(self)}
+        return {
+            field.name: np.asarray(getattr(self, field.name)).tolist() for field in fields(self)
+        }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Drift:
@@ -378,5 +382,5 @@ def _deviations(name: str, value: object) -> tuple[float, float]:
     both = [value, value] if checks.is_number(value) else checks.items(name, value, what)
     if len(both) != 2:
         raise ValueError(f"{name} must be {what}, got {value!r}")
-    x, y = (checks.real(name, each, 0) for each in both)
+    x, y = (checks.real(name, number, 0) for number in both)
     return x, y

@@ -303,7 +303,7 @@ def class_of(object_class: object) -> ObjectClass:
         return CLASSES[object_class]
     text = object_class.strip().lower()
     described = [f"{kind.name}, {kind.description}" for kind in CLASSES.values()]
-    near = [each for each in described if text and text in each.lower()]
+    near = [entry for entry in described if text and text in entry.lower()]
     raise ValueError(
         f"object_class must be a key of leeway.CLASSES, got {object_class!r}; "
         + (f"the nearest are {'; '.join(near)}" if near else f"the keys are {', '.join(CLASSES)}")
@@ -395,7 +395,7 @@ def _hypotheses(
         return [replace(known, vector=currents * grid, weight=share)]
     downwind = winds / np.where(lengths, lengths, 1.0)[:, None]
     rightward = downwind[:, ::-1] * (1, -1)  # (east, north) turned to (north, -east)
-    speeds = np.array([kind.speeds(each) if each else (0.0,) * 6 for each in lengths.tolist()])
+    speeds = np.array([kind.speeds(speed) if speed else (0.0,) * 6 for speed in lengths.tolist()])
     along, along_sd, *sides = speeds.T[..., None]
     found = []
     for across, across_sd in (sides[:2], sides[2:]):

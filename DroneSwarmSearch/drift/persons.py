@@ -99,8 +99,8 @@ def warn_of_mass_beyond(
     last = checks.integer("timestep_limit", timestep_limit, 1, checks.LARGEST_EXACT)
     steps = _some_steps(last)
     # Tracks warn when a model is made of them.
-    drifting = [each.drift for each in persons if isinstance(each.drift, Hypotheses)]
-    every = [(each.mass_beyond(grid_size, step), -step) for each in drifting for step in steps]
+    drifting = [person.drift for person in persons if isinstance(person.drift, Hypotheses)]
+    every = [(drift.mass_beyond(grid_size, step), -step) for drift in drifting for step in steps]
     beyond, step = max(every, default=(0.0, 0))
     if beyond > 0.01:
         warnings.warn(

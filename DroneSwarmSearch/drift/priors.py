@@ -102,7 +102,7 @@ def gaussian(
     size = _checked_size(grid_size)
     centre_x, centre_y = checks.pair("mean", mean)
     both = (sd, sd) if checks.is_number(sd) else checks.pair("sd", sd)
-    sd_x, sd_y = (checks.positive("sd", each) for each in both)
+    sd_x, sd_y = (checks.positive("sd", number) for number in both)
     rho = checks.real("correlation", correlation, -_MAX_CORRELATION, _MAX_CORRELATION)
     if rho == 0.0:
         x, y = _cell_masses(size, centre_x, sd_x), _cell_masses(size, centre_y, sd_y)

@@ -167,7 +167,7 @@ class ProbabilityMatrix(DriftModel):
         for u, v in zip(draws_x, draws_y, strict=True):
             if step == end:
                 block = self._block_of(step)
-                higher, lower = (each.reshape(-1).data for each in block.steps.moves[1:])
+                higher, lower = (move.reshape(-1).data for move in block.steps.moves[1:])
                 row = ((step - block.first) * hypotheses + hypothesis) * 2 * size
                 end = block.first + self._block_steps
             at = row + x
@@ -228,14 +228,14 @@ class ProbabilityMatrix(DriftModel):
             return block
         number = checks.integer("step", step, 0) // count
         done = 0 if block is None or step < block.first else block.first // count + 1
-        for each in range(done, number + 1):
-            first, previous = each * count, block.steps if block is not None and each else None
-            block = self._kept.get(each)
+        for step in range(done, number + 1):
+            first, previous = step * count, block.steps if block is not None and step else None
+            block = self._kept.get(step)
             if block is None:
                 steps = tabulate(self.grid_size, [self.known], first, count, previous)
                 block = _Block(first, steps, {})
-            if (each + 1) * count * self._step_bytes <= CACHE_BYTES:
-                self._kept[each] = block
+            if (step + 1) * count * self._step_bytes <= CACHE_BYTES:
+                self._kept[step] = block
         assert block is not None
         self._block = block
         return block

@@ -92,8 +92,8 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
     """
     with opened(path) as data:
         named = {
-            getattr(each, "standard_name", USUAL.get(key, key)): each
-            for key, each in data.variables.items()
+            getattr(variable, "standard_name", USUAL.get(key, key)): variable
+            for key, variable in data.variables.items()
         }
         try:
             longitude, latitude, time = (named[key] for key in ("longitude", "latitude", "time"))
@@ -109,8 +109,8 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
                         f"step takes {step:g} s: save them as float64 or as integers",
                         stacklevel=4,
                     )
-            both = [each[:].astype(np.float64) for each in (longitude, latitude)]
-            filled = [np.ma.filled(each, np.nan) for each in both]
+            both = [values[:].astype(np.float64) for values in (longitude, latitude)]
+            filled = [np.ma.filled(values, np.nan) for values in both]
             degrees: Floats = np.stack(filled).transpose(0, across + 1, 2 - across)
             stranded = np.zeros(degrees.shape[2], np.bool_)
             status: Any = data.variables.get("status")
@@ -128,7 +128,7 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
                 f"elements along one, must be converted), got {got or 'none'}, times in {units}"
             ) from None
     if len(back := np.flatnonzero(np.diff(seconds) <= 0)):
-        before, after = (_utc(each) for each in seconds[back[0] :][:2])
+        before, after = (_utc(second) for second in seconds[back[0] :][:2])
         raise ValueError(
             f"{path} must have times that increase, because tracks run forward, got {after} after "
             f"{before}" + ": a simulation backward in time" * (len(back) == len(seconds) - 1)
@@ -151,7 +151,7 @@ def since_1970(values: Any, time: Any) -> Floats:
 
     calendar = getattr(time, "calendar", "standard")
     dates: Any = netCDF4.num2date(values, time.units, calendar, False, True)
-    return np.array([each.replace(tzinfo=timezone.utc).timestamp() for each in np.ma.filled(dates)])
+    return np.array([date.replace(tzinfo=timezone.utc).timestamp() for date in np.ma.filled(dates)])
 
 
 def _tracked(

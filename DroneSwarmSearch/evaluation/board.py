@@ -33,9 +33,11 @@ class Leaderboard:
     def policies(self) -> dict[str, list[Evaluation]]:
         """The evaluations of each policy, the most successful first."""
         by_policy: dict[str, list[Evaluation]] = {}
-        for each in self.evaluations:
-            by_policy.setdefault(each.policy, []).append(each)
-        mean = {name: fmean(each.success.value for each in by_policy[name]) for name in by_policy}
+        for result in self.evaluations:
+            by_policy.setdefault(result.policy, []).append(result)
+        mean = {
+            name: fmean(result.success.value for result in by_policy[name]) for name in by_policy
+        }
         return {name: by_policy[name] for name in sorted(mean, key=lambda name: -mean[name])}
 
     @property
@@ -45,8 +47,8 @@ class Leaderboard:
         bounds = [Estimate.exact(fmean(known.values()))] if known else []
         rows = [["policy", "success, %", *["gap, points" for _ in bounds], "time, % of limit"]]
         for policy, several in self.policies.items():
-            success = mean_of(each.success for each in several)
-            time = mean_of(each.time.scaled(1.0 / each.limit) for each in several)
+            success = mean_of(result.success for result in several)
+            time = mean_of(result.time.scaled(1.0 / result.limit) for result in several)
             gaps = [percent(difference(bound, success)) for bound in bounds]
             rows.append([policy, percent(success), *gaps, percent(time)])
         return rows + [["bound", percent(bound), "", ""] for bound in bounds]
@@ -57,7 +59,7 @@ class Leaderboard:
         policies, bounds = self.policies, known_bounds(self.evaluations)
         rows = [["search", *["bound"] * bool(bounds), *policies]]
         for several in zip(*policies.values(), strict=True):
-            search, values = several[0].search.name, [each.success.value for each in several]
+            search, values = several[0].search.name, [result.success.value for result in several]
             bound = [f"{100 * bounds[search]:.1f}"] if bounds else []
             best = max(values) - ROUNDING
             shown = [f"{100 * value:.1f}{'*' * (value > best)}" for value in values]
@@ -124,22 +126,22 @@ def leaderboard(
             differs from what was found, which `out` keeps; see also `evaluate`.
     """
     package = [PolicySpec.of(name) for name in (POLICIES if policies is None else policies)]
-    own = [PolicySpec.of(each) for each in added]
-    named = [as_named(each) for each in (SUITE if searches is None else searches)]
+    own = [PolicySpec.of(policy) for policy in added]
+    named = [as_named(search) for search in (SUITE if searches is None else searches)]
     rows = [] if submissions is None else _read_submissions(submissions)
     theirs = [PolicySpec.of(row["policy"], row["name"]) for row in rows]
     check_names("policies", [*own, *theirs, *package])
     check_names("searches", named)
     cases = []
-    for each in named:
-        cases += [Case.of(spec, each, view, deterministic) for spec in own]
+    for search in named:
+        cases += [Case.of(spec, search, view, deterministic) for spec in own]
         for spec, row in zip(theirs, rows, strict=True):
-            cases.append(Case.of(spec, each, None, row["deterministic"] == "yes" or None))
-        cases += [Case.of(spec, each) for spec in package]
+            cases.append(Case.of(spec, search, None, row["deterministic"] == "yes" or None))
+        cases += [Case.of(spec, search) for spec in package]
     how = episodes, seed, out, workers, ray, progress
     found = Leaderboard(evaluate_cases(cases, *how, bounded=named if bounds else []))
     for row in rows:
-        mean = mean_of(each.success for each in found.policies[row["name"]]).scaled(100.0)
+        mean = mean_of(policy.success for policy in found.policies[row["name"]]).scaled(100.0)
         if not mean.low - TOLERANCE <= float(row["success"]) <= mean.high + TOLERANCE:
             raise ValueError(
                 f"success of {row['name']} in submissions must be that of the rerun, "

@@ -126,7 +126,7 @@ def _episode(played: Sequence[tuple[Frame, tuple[int, ...]]], maps: Maps) -> dic
     return {
         "ending": last.ending.name.lower() if last.ending else None,
         "steps": last.step,
-        "actions": ["".join(map(str, each)) for each in zip(*actions[1:], strict=True)],
+        "actions": ["".join(map(str, chosen)) for chosen in zip(*actions[1:], strict=True)],
         "persons": persons,
         "success": [round(frame.probability_of_success or 0.0, 4) for frame in frames],
         "returns": [round(frame.total_return or 0.0, 1) for frame in frames],

@@ -42,7 +42,7 @@ def save(draw: Draw, evaluations: Sequence[Evaluation], path: Path) -> list[Path
     """Write a plot as `<path>-light.svg` and `<path>-dark.svg`, whatever the user's settings."""
     written = []
     for theme in ("light", "dark"):
-        content, sheets = io.BytesIO(), [f"{STYLES}.{each}" for each in ("plots", theme)]
+        content, sheets = io.BytesIO(), [f"{STYLES}.{sheet}" for sheet in ("plots", theme)]
         with style.context(["default", *sheets]):
             draw(evaluations).savefig(
                 content, format="svg", metadata={"Date": None, "Creator": None}
@@ -57,14 +57,14 @@ def success_over_time(evaluations: Sequence[Evaluation]) -> Figure:
     figure = Figure(figsize=(WIDTH, 3.3))
     axes = figure.add_subplot()
     bounds = known_bounds(evaluations)
-    if len(bounds) == len({each.search.name for each in evaluations}):
+    if len(bounds) == len({result.search.name for result in evaluations}):
         mean, ink = fmean(bounds.values()), rcParams["text.color"]
         axes.axhline(mean, color=ink, linestyle=(0, (3, 1.5)), label=f"bound {100 * mean:.1f}%")
     looks, curves = _looks(evaluations), {}
     for policy in looks:
-        several = [each for each in evaluations if each.policy == policy]
-        places = [np.floor(SHARES * each.limit + 1e-9).astype(int) for each in several]
-        shown = [each.success_by_time[at] for each, at in zip(several, places, strict=True)]
+        several = [result for result in evaluations if result.policy == policy]
+        places = [np.floor(SHARES * result.limit + 1e-9).astype(int) for result in several]
+        shown = [result.success_by_time[at] for result, at in zip(several, places, strict=True)]
         curves[policy] = np.mean(shown, axis=0)
     for policy, curve in sorted(curves.items(), key=lambda item: -item[1][-1]):
         colour, _ = looks[policy]
@@ -80,7 +80,7 @@ def success_over_time(evaluations: Sequence[Evaluation]) -> Figure:
 def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
     """Plot the success by the time limit in a row for each search; its bar is the bound."""
     looks = _looks(evaluations)
-    searches = list(dict.fromkeys(each.search.name for each in evaluations))
+    searches = list(dict.fromkeys(result.search.name for result in evaluations))
     height = max(0.32, 0.05 * len(looks))
     figure = Figure(figsize=(WIDTH, height * len(searches) + 1.6))
     axes = figure.add_subplot()
@@ -89,10 +89,10 @@ def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
         axes.axhspan(row - 0.5, row + 0.5, color=stripe, alpha=0.4, linewidth=0, zorder=0)
     offsets = np.linspace(-0.36, 0.36, len(looks)) if len(looks) > 1 else np.zeros(1)
     offset = dict(zip(looks, offsets.tolist(), strict=True))
-    for each in evaluations:
-        row, (colour, marker) = searches.index(each.search.name), looks[each.policy]
-        value, low, high = each.success
-        error, place = [[value - low], [high - value]], row + offset[each.policy]
+    for result in evaluations:
+        row, (colour, marker) = searches.index(result.search.name), looks[result.policy]
+        value, low, high = result.success
+        error, place = [[value - low], [high - value]], row + offset[result.policy]
         axes.errorbar(value, place, xerr=error, fmt=marker, color=colour, elinewidth=0.9)
     ink, bounds = rcParams["text.color"], known_bounds(evaluations)
     for search, bound in bounds.items():
@@ -122,12 +122,12 @@ def _looks(evaluations: Iterable[Evaluation]) -> dict[str, tuple[str, str]]:
     """The colour and the marker of each policy, in order of first appearance."""
     others = itertools.cycle(range(len(POLICIES), len(MARKERS)))
     looks = {}
-    for name in dict.fromkeys(each.policy for each in evaluations):
+    for name in dict.fromkeys(result.policy for result in evaluations):
         place = POLICIES.index(name) if name in POLICIES else next(others)
         looks[name] = f"C{place}", MARKERS[place]
     return looks
 
 
 def _measure(evaluations: Iterable[Evaluation], rescue: str, coverage: str) -> str:
-    missions = sorted({each.is_coverage for each in evaluations})
+    missions = sorted({result.is_coverage for result in evaluations})
     return ", or ".join((rescue, coverage)[is_coverage] for is_coverage in missions)

@@ -65,7 +65,7 @@ class PolicySpec:
         if argument is not None and Path(argument).is_file():
             own_name = Path(argument).stem
             files.append(Path(argument))
-        digest = hashlib.sha256(b"".join(each.read_bytes() for each in files)).hexdigest()
+        digest = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
         arguments = () if argument is None else (argument,)
         return cls(name or own_name, {"policy": policy, "sha256": digest}, found, arguments)
 

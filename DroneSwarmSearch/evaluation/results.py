@@ -228,13 +228,13 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
     Raises:
         ValueError: they are of different searches; or of different episodes, and not both exact.
     """
-    one, other = (each.search.with_posterior(False) for each in (first, second))
+    one, other = (result.search.with_posterior(False) for result in (first, second))
     if one.data != other.data:
         raise ValueError(
             "second must be of the same search as first, with the same parameters, got "
             f"{second.search.name!r} and {first.search.name!r}"
         )
-    mine, theirs = ((each.seed, len(each.episodes)) for each in (first, second))
+    mine, theirs = ((result.seed, len(result.episodes)) for result in (first, second))
     if mine != theirs and not (first.is_exact and second.is_exact):
         raise ValueError(
             f"second must be of the same episodes as first, {mine[1]} from seed {mine[0]}, "
@@ -252,7 +252,7 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
 
 def known_bounds(evaluations: Iterable[Evaluation]) -> dict[str, float]:
     """The bounds by the time limit that were computed, by the names of the searches."""
-    bounds = {each.search.name: each.bound for each in evaluations}
+    bounds = {result.search.name: result.bound for result in evaluations}
     return {name: bound.by_limit for name, bound in bounds.items() if bound is not None}
 
 
@@ -267,7 +267,7 @@ def save_csv(path: str | Path, evaluations: Iterable[Evaluation]) -> None:
 
 def csv_text(evaluations: Iterable[Evaluation]) -> str:
     """Return the text that `save_csv` writes."""
-    rows, out = [each.summary for each in evaluations], io.StringIO()
+    rows, out = [result.summary for result in evaluations], io.StringIO()
     columns = dict.fromkeys(name for row in rows for name in row)
     writer = csv.DictWriter(out, list(columns), lineterminator="\n")
     writer.writeheader()

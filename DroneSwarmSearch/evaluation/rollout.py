@@ -115,11 +115,11 @@ def _play(
     if unfound is not None:
         unfound.reset(seeds)
         played.append(_Follower(unfound, record.episodes.curves))
-    while (rows := np.any([each.goes_on for each in played], axis=0).nonzero()[0]).size:
+    while (rows := np.any([player.goes_on for player in played], axis=0).nonzero()[0]).size:
         actions = np.full(batch.cells.shape, int(Action.IDLE))
         actions[rows] = stage.actions(policy, rows)
-        for each in played:
-            each.step(actions)
+        for player in played:
+            player.step(actions)
     curves = record.episodes.curves
     np.maximum.accumulate(curves, axis=1, out=curves)  # each stays as it is after the end
     record.episodes.cells_searched[:] = record.searched.sum(axis=1)

@@ -120,7 +120,7 @@ class Case:
 
 def check_names(what: str, several: Sequence[PolicySpec] | Sequence[NamedSearch]) -> None:
     """Raise a ValueError unless there is at least one, and all names differ."""
-    names = [each.name for each in several]
+    names = [item.name for item in several]
     if len({*names}) < max(len(names), 1):
         got = ", ".join(names) or "none"
         raise ValueError(f"{what} must be at least one, all with different names, got {got}")
@@ -174,13 +174,13 @@ def bounds_of(
     searches: Sequence[NamedSearch], folder: RunFolder, *how: Any
 ) -> dict[str, SuccessBound]:
     """The bounds of searches by name, see `evaluate_cases`; they ignore `bayesian_update`."""
-    known = {each.name: folder.load(f"{each.name}.bound", SuccessBound) for each in searches}
+    known = {search.name: folder.load(f"{search.name}.bound", SuccessBound) for search in searches}
     bounds = {name: bound for name, bound in known.items() if bound is not None}
-    left = [each for each in searches if each.name not in bounds]
-    calls = [partial(success_bound, each.scenario, each.drones) for each in left]
-    for each, bound in zip(left, finished(calls, "bounds", *how), strict=True):
-        bounds[each.name] = bound
-        folder.save(f"{each.name}.bound", bound)
+    left = [search for search in searches if search.name not in bounds]
+    calls = [partial(success_bound, search.scenario, search.drones) for search in left]
+    for search, bound in zip(left, finished(calls, "bounds", *how), strict=True):
+        bounds[search.name] = bound
+        folder.save(f"{search.name}.bound", bound)
     return bounds
 
 
@@ -192,7 +192,9 @@ def manifest(
 ) -> dict[str, Any]:
     """Everything that the bounds of some searches, and the results of some cases, depend on."""
     entries = {"package": __version__, "suite": SUITE_VERSION}
-    entries |= {f"search {each.name}": each.with_posterior(False).fingerprint for each in searches}
+    entries |= {
+        f"search {search.name}": search.with_posterior(False).fingerprint for search in searches
+    }
     for case in cases:
         source = {**(case.spec.source or {"policy": "in memory"}), **asdict(case.view)}
         entries |= {f"policy {case.spec.name}: {key}": value for key, value in source.items()}
@@ -204,7 +206,7 @@ def _play(policy: Callable[..., Any], case: Case, seeds: Sequence[int]) -> Episo
         return play(copied(policy), case.search, seeds, case.view)
     player = copied(policy)
     # One after the other and with two seeds, so that random actions differ.
-    followed = [play(player, case.search, [seeds[0] + each], case.view) for each in range(2)]
+    followed = [play(player, case.search, [seeds[0] + more], case.view) for more in range(2)]
     curves = Episodes.joined(followed).with_common_curve().curves
     played = play(copied(policy), case.search, seeds, case.view, wants_curves=False)
     return replace(played, curves=curves)

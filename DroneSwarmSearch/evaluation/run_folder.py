@@ -46,7 +46,7 @@ class RunFolder:
         if self.path is None or not self._place(self.path, name).is_file():
             return None
         with np.load(self._place(self.path, name)) as file:
-            return kind(**{key: each if each.ndim else each.item() for key, each in file.items()})
+            return kind(**{name: v if v.ndim else v.item() for name, v in file.items()})
 
     def save(self, name: str, result: object) -> None:
         """Write a finished result; raises StorageError if that fails. Earlier results are kept."""

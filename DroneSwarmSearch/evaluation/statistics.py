@@ -33,7 +33,7 @@ class Estimate(NamedTuple):
 
     def scaled(self, factor: float) -> Estimate:
         """The estimate times a factor above 0."""
-        return Estimate(*(each * factor for each in self))
+        return Estimate(*(value * factor for value in self))
 
 
 def mean_of(estimates: Iterable[Estimate]) -> Estimate:
@@ -45,9 +45,9 @@ def mean_of(estimates: Iterable[Estimate]) -> Estimate:
     """
     every = list(estimates)
     n = len(every)
-    value = math.fsum(each.value for each in every) / n
-    below = math.hypot(*(each.value - each.low for each in every)) / n
-    above = math.hypot(*(each.high - each.value for each in every)) / n
+    value = math.fsum(estimate.value for estimate in every) / n
+    below = math.hypot(*(estimate.value - estimate.low for estimate in every)) / n
+    above = math.hypot(*(estimate.high - estimate.value for estimate in every)) / n
     return Estimate(value, value - below, value + above)
 
 

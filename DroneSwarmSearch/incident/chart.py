@@ -70,12 +70,12 @@ def draw(plan: PlannedFlights, drones: Sequence[int]) -> Figure:
     from matplotlib.patheffects import Normal, Stroke
 
     incident, plane = plan.incident, plan.incident.plane
-    start, tracks = incident.start, [track(plan.flights[each], plane) for each in drones]
+    start, tracks = incident.start, [track(plan.flights[drone], plane) for drone in drones]
     known, base = plane.metres(*incident.position), plane.metres(*incident.base)
     figure = Figure(PAGE / 72)
     axes: Any = figure.add_axes((50 / PAGE[0], 285 / PAGE[1], *SHEET / PAGE))
     means, boxes = _areas(axes, plan)
-    boxes += [edge([edge(each[1:-1], 0) for each in tracks], 0) for edge in (np.min, np.max)]
+    boxes += [edge([edge(line[1:-1], 0) for line in tracks], 0) for edge in (np.min, np.max)]
     for place in (known, base):
         low, high = np.min(boxes, axis=0), np.max(boxes, axis=0)
         if np.all(np.abs(place - (low + high) / 2) < WIDER / 2 * (high - low).max()):
@@ -86,7 +86,7 @@ def draw(plan: PlannedFlights, drones: Sequence[int]) -> Figure:
     axes.set(xlim=(left, right), ylim=(bottom, top))
     _graticule(axes, plane)
     if isinstance(incident.current, str):
-        across, along = (np.linspace(*each, 14)[1:-1] for each in ((left, right), (bottom, top)))
+        across, along = (np.linspace(*ends, 14)[1:-1] for ends in ((left, right), (bottom, top)))
         grid = np.stack(np.meshgrid(across, along)).reshape(2, -1)
         middle = incident.seconds(plan.on_scene)
         arrows = incident.flow("current", checked=False)(middle, grid)
@@ -104,13 +104,14 @@ def draw(plan: PlannedFlights, drones: Sequence[int]) -> Figure:
     _place(axes, base, "s", 15, f"take-off, {start:%H:%M}", -up, away)
     _place(axes, known, "oP", 8, f"last known position, {incident.time:%H:%M}", up, "")
 
-    flown = [[(e.time - start).total_seconds() / 60 for e in plan.flights[each]] for each in drones]
-    step = STEPS[STEPS.searchsorted(sum(each[-1] - each[0] for each in flown) / 30)]
+    flights = [plan.flights[drone] for drone in drones]
+    flown = [[(point.time - start).total_seconds() / 60 for point in flight] for flight in flights]
+    step = STEPS[STEPS.searchsorted(sum(times[-1] - times[0] for times in flown) / 30)]
     gap = 60 * point / incident.speed / 60  # minutes between heads of arrows
     marked = [known, base]
     for drone, points, minutes in zip(drones, tracks, flown, strict=True):
         disc = drone_colour(drone)
-        colour, ink, white = (np.array(each) / 255 for each in (disc, INK, readable_on(disc)))
+        colour, ink, white = (np.array(rgb) / 255 for rgb in (disc, INK, readable_on(disc)))
         casing = [Stroke(linewidth=2.4, foreground=ink), Normal()]
         strip: Any = {"color": colour, "alpha": 0.3, "linewidth": incident.swath / point}
         axes.plot(*points[1:-1].T, solid_capstyle="butt", zorder=2, **strip)
@@ -157,10 +158,10 @@ def _table(figure: Figure, plan: PlannedFlights, drones: Sequence[int]) -> None:
     """The orders of the drones, in columns as wide as their longest line."""
     axes = figure.add_axes((50 / PAGE[0], 80 / PAGE[1], SHEET[0] / PAGE[0], 105 / PAGE[1]))
     axes.axis("off")
-    rows = [[*plan.order(each).values()] for each in drones]
+    rows = [[*plan.order(drone).values()] for drone in drones]
     heads = [fill(name, 13 if name[0] == "c" else 9) for name in plan.order(drones[0])]
     lines = [[*head.splitlines(), *texts] for head, *texts in zip(heads, *rows, strict=True)]
-    widths = np.array([max(map(len, each)) + 1.5 for each in lines])
+    widths = np.array([max(map(len, line)) + 1.5 for line in lines])
     box: Any = (0, 0.82 - 0.12 * len(rows), 1, 0.18 + 0.12 * len(rows))
     table = axes.table(
         rows,
@@ -218,7 +219,7 @@ def _graticule(axes: Any, plane: TangentPlane) -> None:
         span = last - first
         step = STEPS[STEPS.searchsorted(span / 6)]
         minutes = np.arange(np.ceil((first + span / 20) / step), (last - span / 20) / step) * step
-        names = [units.minutes(each, letters) for each in minutes]
+        names = [units.minutes(minute, letters) for minute in minutes]
         axis.set_ticks(np.interp(minutes, (first, last), metres), names)
     axes.tick_params(axis="y", labelrotation=90)
 
@@ -257,4 +258,4 @@ def _level(mass: Floats, share: float) -> float:
 
 def _between(track: Floats, times: Any, at: Any) -> Floats:
     """The points of a track at other times, (n, 2)."""
-    return np.stack([np.interp(at, times, each) for each in track.T], axis=-1)
+    return np.stack([np.interp(at, times, column) for column in track.T], axis=-1)

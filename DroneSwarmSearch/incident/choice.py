@@ -116,7 +116,7 @@ class Area:
             return 1.0 if missed is None else float(weights @ missed)
 
         drawn = [near] if near else self._draw(drone, rng)
-        starts = sorted(((left(each), n) for n, each in enumerate(drawn)))[:STARTS]
+        starts = sorted(((left(pattern), n) for n, pattern in enumerate(drawn)))[:STARTS]
         best, chosen = starts[0][0], drawn[starts[0][1]]
         for _, number in starts:
             start = drawn[number]
@@ -189,9 +189,9 @@ def choose(
         missed = [area.missed(*pair) for pair in zip(drones, chosen, strict=True)]
         for number, drone in enumerate(drones):
             before, missed[number] = missed[number], None
-            others = np.prod([each for each in missed if each is not None], axis=0)
+            others = np.prod([share for share in missed if share is not None], axis=0)
             start = None if before is None else chosen[number]
             chosen[number] = area.best(drone, others, start, rng)
             missed[number] = area.missed(drone, chosen[number])
             report((lap + (number + 1) / len(drones)) / len(areas))
-    return [each for each in chosen if each is not None]
+    return [flight for flight in chosen if flight is not None]

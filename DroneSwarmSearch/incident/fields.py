@@ -76,11 +76,12 @@ class Field:
         """
         with opened(path) as data:
             named: dict[str, list[Any]] = {}
-            for each in data.variables.values():
-                named.setdefault(getattr(each, "standard_name", each.name), []).append(each)
+            for variable in data.variables.values():
+                name = getattr(variable, "standard_name", variable.name)
+                named.setdefault(name, []).append(variable)
             pairs = [pair for pair in NAMES[kind] if named.keys() >= {*pair}]
             if len(pairs) != 1 or any(len(named[name]) > 1 for name in pairs[0]):
-                got = [f"{v.name} ({name})" for name, each in named.items() for v in each]
+                got = [f"{v.name} ({name})" for name, found in named.items() for v in found]
                 raise ValueError(
                     f"{kind} must be a file with one variable of the standard name "
                     f"{' and one of '.join(NAMES[kind][0])}, got {path} with {', '.join(got)}"
@@ -141,7 +142,7 @@ class Field:
     @property
     def hours(self) -> str:
         """The first and the last time."""
-        first, last = (datetime.fromtimestamp(each, timezone.utc) for each in self.times[[0, -1]])
+        first, last = (datetime.fromtimestamp(time, timezone.utc) for time in self.times[[0, -1]])
         return f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
 
 
@@ -165,8 +166,8 @@ def _around(data: Any, variable: Any, kind: str, position: Pair) -> tuple[list[F
         if name not in data.variables:
             continue
         axis = data.variables[name]
-        given = (name, *(getattr(axis, each, "") for each in ("standard_name", "units")))
-        marks = {str(each).lower() for each in given}
+        given = (name, *(getattr(axis, attribute, "") for attribute in ("standard_name", "units")))
+        marks = {str(text).lower() for text in given}
         role = next((role for role, known in AXES.items() if marks & {*known}), None)
         if role is not None:
             number[role] = place

@@ -90,10 +90,10 @@ def _gpx(plan: PlannedFlights) -> ET.Element:
     root = ET.Element("gpx", space, creator="DroneSwarmSearch")
     for drone, flight in enumerate(plan.flights):
         route = _add(root, "rte", name=f"drone {drone}", desc=plan.orders[drone])
-        for number, each in enumerate(flight):
-            name, time = f"{drone}-{number:02d}", _utc(each.time)
-            point = _add(route, "rtept", ele=each.altitude, time=time, name=name)
-            point.attrib = {"lat": f"{each.latitude:.7f}", "lon": f"{each.longitude:.7f}"}
+        for number, waypoint in enumerate(flight):
+            name, time = f"{drone}-{number:02d}", _utc(waypoint.time)
+            point = _add(route, "rtept", ele=waypoint.altitude, time=time, name=name)
+            point.attrib = {"lat": f"{waypoint.latitude:.7f}", "lon": f"{waypoint.longitude:.7f}"}
     return root
 
 
@@ -115,8 +115,8 @@ def _kml(plan: PlannedFlights, overlays: dict[str, dict[str, float]]) -> ET.Elem
         lines = _split(flight)
         if len(lines) > 1:
             parent = _add(parent, "MultiGeometry")
-        for each in lines:
-            _add(parent, "LineString", **_shape(each, flight[0].altitude))
+        for strip in lines:
+            _add(parent, "LineString", **_shape(strip, flight[0].altitude))
         for number, (now, after) in enumerate(pairwise([*flight, flight[-1]])):
             span = {"begin": _utc(now.time), "end": _utc(after.time)}
             name, point = f"{drone}-{number:02d}", _shape(_points([now]), now.altitude)
@@ -163,9 +163,9 @@ def _features(plan: PlannedFlights) -> list[dict[str, Any]]:
         first, *others = _split(flight)
         kind = "MultiLineString" if others else "LineString"
         features.append(_feature(kind, [first, *others] if others else first, **whole))
-        for number, (each, point) in enumerate(zip(flight, _points(flight), strict=True)):
-            row = {"drone": drone, "waypoint": number, "time_utc": _utc(each.time)}
-            more = {"altitude_m": each.altitude, "searching": each.searching}
+        for number, (waypoint, point) in enumerate(zip(flight, _points(flight), strict=True)):
+            row = {"drone": drone, "waypoint": number, "time_utc": _utc(waypoint.time)}
+            more = {"altitude_m": waypoint.altitude, "searching": waypoint.searching}
             features.append(_feature("Point", point, **row, **more))
     return features
 
@@ -177,13 +177,21 @@ def _csv(plan: PlannedFlights) -> str:
     name = "drone,waypoint,time_utc,latitude_deg,longitude_deg,altitude_m,speed_m_s,searching,order"
     rows.writerow(name.split(","))
     for drone, flight in enumerate(plan.flights):
-        seconds = np.diff([each.time.timestamp() for each in flight])
+        seconds = np.diff([waypoint.time.timestamp() for waypoint in flight])
         speeds = [*(_legs(plan, flight) / seconds), 0.0]
-        for number, (each, speed) in enumerate(zip(flight, speeds, strict=True)):
-            place = f"{each.latitude:.7f}", f"{each.longitude:.7f}", each.altitude
+        for number, (waypoint, speed) in enumerate(zip(flight, speeds, strict=True)):
+            place = f"{waypoint.latitude:.7f}", f"{waypoint.longitude:.7f}", waypoint.altitude
             order = plan.orders[drone] if number == 0 else ""
             rows.writerow(
-                [drone, number, _utc(each.time), *place, f"{speed:.2f}", each.searching, order]
+                [
+                    drone,
+                    number,
+                    _utc(waypoint.time),
+                    *place,
+                    f"{speed:.2f}",
+                    waypoint.searching,
+                    order,
+                ]
             )
     return text.getvalue()
 
@@ -201,7 +209,7 @@ def _legs(plan: PlannedFlights, flight: Flight) -> Floats:
 
 def _points(flight: Flight) -> Line:
     """(longitude, latitude), the order of GeoJSON and KML."""
-    return [(round(each.longitude, 7), round(each.latitude, 7)) for each in flight]
+    return [(round(waypoint.longitude, 7), round(waypoint.latitude, 7)) for waypoint in flight]
 
 
 def _split(flight: Flight) -> list[Line]:

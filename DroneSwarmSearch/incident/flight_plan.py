@@ -48,7 +48,7 @@ class FlightPlan(PlannedFlights):
             flown = drone.fly(pattern)
             assert flown is not None
             degrees = incident.plane.degrees(flown[:, 1:]).tolist()
-            times = [incident.start + timedelta(seconds=each) for each in flown[:, 0].tolist()]
+            times = [incident.start + timedelta(seconds=second) for second in flown[:, 0].tolist()]
             height, last = incident.altitude + APART * number, len(flown) - 1
             rows = enumerate(zip(times, degrees, strict=True))
             flights.append(

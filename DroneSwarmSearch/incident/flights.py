@@ -51,12 +51,12 @@ def in_utc(name: str, value: object) -> datetime:
 
 def track(flight: Flight, plane: TangentPlane) -> Floats:
     """The positions of a flight's waypoints on a plane, in metres (east, north): (n, 2)."""
-    return plane.metres([each.latitude for each in flight], [each.longitude for each in flight])
+    return plane.metres([point.latitude for point in flight], [point.longitude for point in flight])
 
 
 def legs_of(flight: Flight, plane: TangentPlane, since: datetime) -> Floats:
     """The legs on which a drone searches: seconds, east and north of both ends, (n, 2, 3)."""
-    seconds = [(each.time - since).total_seconds() for each in flight]
+    seconds = [(point.time - since).total_seconds() for point in flight]
     points = np.column_stack([seconds, track(flight, plane)])
-    searching = np.array([each.searching for each in flight[:-1]], np.bool_)
+    searching = np.array([point.searching for point in flight[:-1]], np.bool_)
     return np.stack([points[:-1], points[1:]], axis=1)[searching]

@@ -38,8 +38,8 @@ def series(flow: Any) -> Callable[[Any], Floats]:
 def stronger(flow: Any, by: float) -> Any:
     """A wind or current of an incident that is so many m/s stronger at all times."""
     if isinstance(flow, Mapping):
-        return {time: stronger(each, by) for time, each in flow.items()}
-    return tuple(each * (1.0 + by / max(math.hypot(*flow), 1e-9)) for each in flow)
+        return {time: stronger(at_time, by) for time, at_time in flow.items()}
+    return tuple(component * (1.0 + by / max(math.hypot(*flow), 1e-9)) for component in flow)
 
 
 def named(name: str, read: Callable[..., Any], *given: object) -> Any:
@@ -64,16 +64,16 @@ def read_flow(kind: str, value: Any, since: datetime, name: str = "") -> Any:
         value = _rows(name, path)
     if isinstance(value, str):
         value = [value]
-    if isinstance(value, (list, tuple)) and any(isinstance(each, str) for each in value):
-        value = dict(_timed(name, each, since) for each in value)
+    if isinstance(value, (list, tuple)) and any(isinstance(entry, str) for entry in value):
+        value = dict(_timed(name, entry, since) for entry in value)
         if [*value] == [None]:
             value = value[None]
     if isinstance(value, Mapping):
         vectors = {
             0.0 if time is None else checks.real(f"a time of {name}", time): read_flow(
-                kind, each, since, f"{name}[{time}]"
+                kind, entry, since, f"{name}[{time}]"
             )
-            for time, each in value.items()
+            for time, entry in value.items()
         }
         return {time: vectors[time] for time in sorted(vectors)}
     if isinstance(value, str):
@@ -109,7 +109,7 @@ def _rows(name: str, path: Path) -> list[str]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = [*csv.DictReader(file, skipinitialspace=True)]
-        return [f"{each['direction']} {each['speed']}@{each['time']}" for each in rows]
+        return [f"{row['direction']} {row['speed']}@{row['time']}" for row in rows]
     except (OSError, KeyError) as error:
         raise ValueError(
             f"{name} must be a CSV file with the columns time, direction and speed, got {path}: "

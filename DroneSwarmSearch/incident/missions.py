@@ -35,13 +35,13 @@ def save(plan: PlannedFlights, folder: Path) -> None:
         items = [
             Item(TAKE_OFF, RELATIVE_ALTITUDE, places[0]),
             Item(CHANGE_SPEED, MISSION, [0, airspeed, -1, 0, 0, 0, 0]),
-            *(Item(WAYPOINT, RELATIVE_ALTITUDE, each) for each in places[1:-1]),
+            *(Item(WAYPOINT, RELATIVE_ALTITUDE, place) for place in places[1:-1]),
             Item(RETURN, MISSION, [0] * 7),
         ]
         base = [*places[0][4:6], 0]
         plain = ["QGC WPL 110"]
-        for line, each in enumerate([Item(WAYPOINT, 0, [0, 0, 0, 0, *base]), *items]):
-            values = [line, int(line == 0), each.frame, each.command, *each.params, 1]
+        for line, item in enumerate([Item(WAYPOINT, 0, [0, 0, 0, 0, *base]), *items]):
+            values = [line, int(line == 0), item.frame, item.command, *item.params, 1]
             plain.append("\t".join(map(str, values)))
         write_text(folder / f"drone{number}.waypoints", "\n".join(plain) + "\n")
         mission = {
@@ -52,7 +52,7 @@ def save(plan: PlannedFlights, folder: Path) -> None:
             "cruiseSpeed": airspeed,
             "hoverSpeed": airspeed,
             "plannedHomePosition": base,
-            "items": [_simple_item(line, each) for line, each in enumerate(items, 1)],
+            "items": [_simple_item(line, item) for line, item in enumerate(items, 1)],
         }
         whole = {
             "fileType": "Plan",

@@ -41,9 +41,7 @@ class PlannedFlights:
         """Which particle a drone passes, and when, in seconds after the last known position."""
         incident = self.incident
         legs = [legs_of(flight, incident.plane, incident.time) for flight in self.flights]
-        who, when = zip(
-            *(self.particles.passes(each, incident.swath) for each in legs), strict=True
-        )
+        who, when = zip(*(self.particles.passes(leg, incident.swath) for leg in legs), strict=True)
         return np.concatenate(who), np.concatenate(when)
 
     def success(self, by: datetime | None = None) -> float:
@@ -69,7 +67,7 @@ class PlannedFlights:
         places, weights = self.particles.at(self.incident.seconds(time)), self.particles.weights
         low, high = np.percentile(places, (0.1, 99.9), axis=0)
         middle, half = (low + high) / 2, max(0.6 * (high - low).max(), self.incident.swath)
-        edges = [np.linspace(each - half, each + half, size + 1) for each in middle]
+        edges = [np.linspace(centre - half, centre + half, size + 1) for centre in middle]
         counts: Floats
         counts, *_ = np.histogram2d(places[:, 0], places[:, 1], edges, weights=weights)
         for _ in range(4):
@@ -112,7 +110,7 @@ class PlannedFlights:
         if pattern.kind == PARALLEL:
             count = (flown + 1) // 2
             legs = " + ".join(
-                f"{each}" for each in (min(count, pattern.legs), count - pattern.legs) if each > 0
+                f"{legs}" for legs in (min(count, pattern.legs), count - pattern.legs) if legs > 0
             )
         speed, toward = math.hypot(*pattern.drift) / KNOT, math.atan2(*pattern.drift)
         return {

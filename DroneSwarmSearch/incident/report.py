@@ -80,7 +80,7 @@ class Report:
     flown: Any = ()
 
     def __post_init__(self) -> None:
-        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         typed = {name: values[name] for name in ("position", "base") if values[name] is not None}
         self._check_object(values)
         self._check_places_and_times(values)
@@ -180,10 +180,10 @@ class Report:
         return [
             (
                 time,
-                round((math.degrees(math.atan2(*each)) + turned) % 360, 6) % 360,
-                math.hypot(*each),
+                round((math.degrees(math.atan2(*vector)) + turned) % 360, 6) % 360,
+                math.hypot(*vector),
             )
-            for time, each in (flow if isinstance(flow, Mapping) else {0.0: flow}).items()
+            for time, vector in (flow if isinstance(flow, Mapping) else {0.0: flow}).items()
         ]
 
     # The particles and the drones.
@@ -294,7 +294,7 @@ class Report:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the incident as JSON, to edit and to `read`; paths count from its folder."""
-        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         values |= self._typed  # type: ignore[attr-defined]
         if self.base == self.position:
             values["base"] = None
@@ -332,8 +332,8 @@ def _position(name: str, value: object) -> Pair:
         value = named(name, units.position, value)
     elif isinstance(value, (tuple, list)):
         value = tuple(
-            named(name, units.degrees, each, letters) if isinstance(each, str) else each
-            for each, letters in zip(value, ("NS", "EW"), strict=False)
+            named(name, units.degrees, number, letters) if isinstance(number, str) else number
+            for number, letters in zip(value, ("NS", "EW"), strict=False)
         )
     latitude, longitude = checks.pair(name, value, "(latitude, longitude) in degrees")
     if not (abs(latitude) <= 89.0 and abs(longitude) <= 180.0):

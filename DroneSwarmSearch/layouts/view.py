@@ -58,7 +58,7 @@ class View:
 
     def over(self, other: View) -> View:
         """The other view, with the attributes of this one that differ from their defaults."""
-        values = {each.name: (getattr(self, each.name), each.default) for each in fields(self)}
+        values = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
         return replace(
             other, **{name: own for name, (own, usual) in values.items() if own != usual}
         )

@@ -87,8 +87,8 @@ class TargetWindow:
         self._top, self._left = boxes.top[:, None], boxes.left[:, None]
         y, x = np.arange(boxes.height) + self._top, np.arange(boxes.width) + self._left
         by_row, by_column, cells = (
-            each[:, None, :, None] * size + other[:, None, None, :]
-            for each, other in ((y, y), (x, x), (y, x))
+            rows[:, None, :, None] * size + other[:, None, None, :]
+            for rows, other in ((y, y), (x, x), (y, x))
         )
         matrices = [chain.matrices(self._first + step) for step in range(steps)]
         self._matrices = [
@@ -160,7 +160,7 @@ class TargetWindow:
         """
         where, steps = self._indices(cells, searches), range(len(cells))
         shape = (*self._masses.shape[:3], cells.shape[-1], *self._masses.shape[-2:])
-        masses, losses = (np.broadcast_to(each, shape) for each in (self._masses, self._losses))
+        masses, losses = (np.broadcast_to(values, shape) for values in (self._masses, self._losses))
         if not is_last:
             masses = masses.copy()
         found = self._change(masses, steps, self._forward, where, -1.0)

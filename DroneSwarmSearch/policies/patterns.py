@@ -113,7 +113,7 @@ class PatternPolicy(SwarmPolicy):
         # The way there, the size of the area and the duration depend on each other: iterate.
         for _ in range(5):
             forecasts = [tracker.forecasts[person] for person in tracker.missing]
-            datums = [datum for each in forecasts for datum in datums_of(each, half_way)]
+            datums = [datum for forecast in forecasts for datum in datums_of(forecast, half_way)]
             datum, *later = datums[memory.passes % len(datums) :]
             weight = sum(other.weight for other in later) + datum.weight
             left = (limit - tracker.step) * datum.weight / weight

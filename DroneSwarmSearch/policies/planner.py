@@ -121,7 +121,7 @@ class PlannerPolicy(OpenLoopPolicy):
         missing, ahead = tracker.missing, range(step, step + steps)
         everyone = self.scenario.mission == "rescue" and len(missing) > 1
         alive = np.array(
-            [[*map(self.scenario.persons_to_find[each].alive, ahead)] for each in missing]
+            [[*map(self.scenario.persons_to_find[person].alive, ahead)] for person in missing]
         )
         alive /= alive.max() or 1.0  # only relative survival matters
         targets = [

@@ -62,14 +62,14 @@ class Painter:
         if len(self._map_areas) == 2:
             prior = frame.matrix if frame.prior is None else frame.prior
             shown.insert(0, replace(frame, matrix=prior))
-            for area, caption, each in zip(self._map_areas, CAPTIONS, shown, strict=True):
-                top, likeliest = area.top + CAPTION_FONT // 4, percent(float(each.matrix.max()))
+            for area, caption, seen in zip(self._map_areas, CAPTIONS, shown, strict=True):
+                top, likeliest = area.top + CAPTION_FONT // 4, percent(float(seen.matrix.max()))
                 write(canvas, caption, CAPTION_FONT, INK, topleft=(area.left + LEFT, top))
                 corner = area.right - RIGHT, top
                 write(canvas, f"likeliest cell {likeliest}", CAPTION_FONT, GREY, topright=corner)
         self._draw_head(canvas, frame)
-        for area, each in zip(self._map_areas, shown, strict=True):
-            self._map.draw(canvas.subsurface(area), each, towards or frame, progress)
+        for area, seen in zip(self._map_areas, shown, strict=True):
+            self._map.draw(canvas.subsurface(area), seen, towards or frame, progress)
         panel = canvas.subsurface(self._panel_area)
         draw_panel(panel, frame, self._look)
         for number, text in enumerate(self._reason):

@@ -3,8 +3,18 @@
 The module is independent of any RL library.
 """
 
-from DroneSwarmSearch.training.comparison import TRAINING_TASK, compare_with_baselines
+from DroneSwarmSearch.training.comparison import compare_with_baselines
 from DroneSwarmSearch.training.curve import log_row, plot_curve
 from DroneSwarmSearch.training.script import begin, finish
+from DroneSwarmSearch.training.tasks import TASKS, TRAINING_TASK, Task
 
-__all__ = ["TRAINING_TASK", "begin", "compare_with_baselines", "finish", "log_row", "plot_curve"]
+__all__ = [
+    "TASKS",
+    "TRAINING_TASK",
+    "Task",
+    "begin",
+    "compare_with_baselines",
+    "finish",
+    "log_row",
+    "plot_curve",
+]

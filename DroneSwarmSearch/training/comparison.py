@@ -1,8 +1,9 @@
-"""The task of the training examples, and the comparison with the baselines."""
+"""The comparison of a trained policy with baselines."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,27 +15,12 @@ from DroneSwarmSearch.evaluation.results import Evaluation, compare, save_csv
 from DroneSwarmSearch.evaluation.run import evaluate
 from DroneSwarmSearch.evaluation.text_tables import figure, percent, print_table, signed
 from DroneSwarmSearch.layouts.view import View
-
-TRAINING_TASK: dict[str, Any] = {
-    "grid_size": 10,
-    "n_drones": 2,
-    "vector": (0.2, 0.1),
-    "person_initial_position": (4, 3),
-    "disperse_constant": 5,
-    "timestep_limit": 50,
-    "bayesian_update": True,
-}
-"""Parameters of `DroneSwarmSearch`: two drones search a 10 x 10 grid for a drifting person.
-
-The matrix is the posterior, so a policy needs no memory; the task takes minutes to learn.
-"""
-
-SEED = 1_000_000  # seed of the first episode; training usually starts from small seeds
+from DroneSwarmSearch.training.tasks import EPISODES, SEED, Task
 
 
 def compare_with_baselines(
     policy: object,
-    parameters: Mapping[str, Any],
+    parameters: Mapping[str, Any] | Task,
     *,
     view: View | str | None = None,
     episodes: int = 1000,
@@ -46,9 +32,10 @@ def compare_with_baselines(
 
     Args:
         policy: as for `evaluation.evaluate`.
-        parameters: those of `DroneSwarmSearch`, and optionally "drones_positions".
+        parameters: those of `DroneSwarmSearch`, and optionally "drones_positions"; or a task, in
+            whose held-out searches `random` and `greedy-matrix` are the baselines.
         view: what the policy sees and returns, as for `evaluate`.
-        episodes: number of episodes; at least 1.
+        episodes: number of episodes; at least 1. Those of a task are 500.
         name: the policy's name in the table.
         folder: evaluation.csv is written there, one row per policy; search.json, which the
             commands read as a search; and video.gif, the episode with seed 0. If `policy` is a
@@ -61,22 +48,27 @@ def compare_with_baselines(
     Raises:
         ImportError: `folder` is given, and the package of the extra "video" is missing.
     """
-    given = dict(parameters)
-    drones = given.pop("drones_positions", ())
-    reason = f"An episode that {name} has not trained on."
-    search = NamedSearch("task", reason, resolve_scenario(**given), drones)
-    trained = evaluate(policy, search, view=view, name=name, episodes=episodes, seed=SEED)
-    every = [trained]
-    every += [evaluate(each, search, episodes=episodes, seed=SEED) for each in baselines]
+    judge: Callable[..., Evaluation]
+    if isinstance(parameters, Task):
+        search, judge = parameters.held_out()[0], parameters.evaluate
+        baselines, episodes = ("random", "greedy-matrix"), EPISODES
+    else:
+        given = dict(parameters)
+        drones = given.pop("drones_positions", ())
+        reason = f"An episode that {name} has not trained on."
+        search = NamedSearch("task", reason, resolve_scenario(**given), drones)
+        judge = partial(evaluate, search=search, episodes=episodes, seed=SEED)
+    trained = judge(policy, view=view, name=name)
+    every = [trained, *map(judge, baselines)]
     rows = []
-    for each in every:
-        crashes = each.endings[Ending.COLLISION] + each.endings[Ending.LEFT_GRID]
+    for result in every:
+        crashes = result.endings[Ending.COLLISION] + result.endings[Ending.LEFT_GRID]
         lead = ["", ""]
-        if each is not trained:
-            success = compare(trained, each).success.scaled(100.0)
-            lead = [signed(success), signed(compare(each, trained).time)]
-        figures = percent(each.success), figure(each.time), f"{100 * crashes / episodes:.1f}"
-        rows.append([each.policy, *figures, *lead])
+        if result is not trained:
+            success = compare(trained, result).success.scaled(100.0)
+            lead = [signed(success), signed(compare(result, trained).time)]
+        figures = percent(result.success), figure(result.time), f"{100 * crashes / episodes:.1f}"
+        rows.append([result.policy, *figures, *lead])
     headers = ["success, %", "time, steps", "crashes, %", "lead, points", "lead, steps"]
     print_table(["policy", *headers], rows, words=1)
     print(

@@ -61,8 +61,8 @@ def plot_curve(
             axes.plot(x, y, colour, alpha=0.25, linewidth=0.8)
             axes.plot(x, moving_mean(y), colour, marker="o" * (len(x) < 30), ms=4, label=label)
     levels: dict[str, list[float]] = {}
-    for each in baselines:
-        levels.setdefault(each.policy, []).append(each.success.value)
+    for baseline in baselines:
+        levels.setdefault(baseline.policy, []).append(baseline.success.value)
     for number, (name, found) in enumerate(levels.items()):
         colour, label = f"C{len(columns) + number}", f"{name} {fmean(found):.1%}"
         dashes = (3 * number, (3, 3 * len(levels) - 3))  # those of equal baselines take turns

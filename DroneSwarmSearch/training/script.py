@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from DroneSwarmSearch.training.comparison import TRAINING_TASK, compare_with_baselines
+from DroneSwarmSearch.training.comparison import compare_with_baselines
 from DroneSwarmSearch.training.curve import plot_curve
+from DroneSwarmSearch.training.tasks import TASKS, Task
 
 
 def begin(
@@ -49,18 +50,28 @@ def begin(
 
 
 def finish(
-    policy: object, name: str, options: argparse.Namespace, *curves: Path, **plot: Any
+    policy: object,
+    name: str,
+    options: argparse.Namespace,
+    *curves: Path,
+    task: Task = TASKS["small"],
+    **plot: Any,
 ) -> None:
-    """Compare a trained policy with the baselines on `TRAINING_TASK`, and plot its curve.
+    """Compare a trained policy with the baselines on a task, and plot its curve.
 
     Args:
         policy: as for `evaluation.evaluate`.
         name: the policy's name in tables.
         options: those of `begin`.
         curves: the files of learning curves; by default curve.csv in the folder.
+        task: of the benchmark; the small one is `TRAINING_TASK`.
         plot: more arguments of `plot_curve`.
     """
     _, *baselines = compare_with_baselines(
-        policy, TRAINING_TASK, episodes=options.episodes, name=name, folder=options.out
+        policy,
+        task if task.sampler else task.parameters,
+        episodes=options.episodes,
+        name=name,
+        folder=options.out,
     )
     plot_curve(*(curves or [options.out / "curve.csv"]), baselines=baselines, **plot)

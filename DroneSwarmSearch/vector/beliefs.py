@@ -154,7 +154,7 @@ class Beliefs:
         tile, column = np.divmod(rows, self._width)
         places = [self.forecasts.places(entry, cells) for entry in self._entries[:, rows]]
         return [
-            over_layers(self._mass[tile, k, :, each, column].T) for k, each in enumerate(places)
+            over_layers(self._mass[tile, k, :, place, column].T) for k, place in enumerate(places)
         ]
 
     # The probability of success.

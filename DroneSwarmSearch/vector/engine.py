@@ -418,9 +418,9 @@ class SearchBatch:
             mass = beliefs.mass(np.array([row]))[..., 0]
             hypotheses = [
                 model.hypotheses(
-                    each[: model.state_shape[0], : model.layer].reshape(model.state_shape)
+                    masses[: model.state_shape[0], : model.layer].reshape(model.state_shape)
                 )
-                for model, each in zip(models, mass, strict=True)
+                for model, masses in zip(models, mass, strict=True)
             ]
             prior = mean_forecast(models, missing.nonzero()[0].tolist(), step)
         return Frame(
@@ -486,12 +486,12 @@ def _scenarios_of(
     given: list[Any] = checks.items("situations", situations, what)
     if not given:
         raise ValueError(f"situations must hold at least one situation, got {situations!r}")
-    made = [scenario.replace(persons=each) for each in given]
+    made = [scenario.replace(persons=situation) for situation in given]
     persons = persons or len(made[0].persons_to_find)
-    for place, each in enumerate(made):
-        if len(each.persons_to_find) != persons:
+    for place, search in enumerate(made):
+        if len(search.persons_to_find) != persons:
             raise ValueError(
                 f"situations must all hold the same number of persons, {persons}, got "
-                f"{len(each.persons_to_find)} in situations[{place}]"
+                f"{len(search.persons_to_find)} in situations[{place}]"
             )
     return made

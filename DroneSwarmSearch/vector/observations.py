@@ -96,7 +96,7 @@ class BatchObservations:
         if not self._stacks:  # the layouts have an axis for the swarms and one for their drones
             shape = len(cells), self._each
             if isinstance(out, dict):
-                out = {name: each.reshape(*shape, *each.shape[1:]) for name, each in out.items()}
+                out = {name: array.reshape(*shape, *array.shape[1:]) for name, array in out.items()}
             else:
                 out = out.reshape(*shape, *out.shape[1:])
         self._layout.write(positions, matrices, left, out)

@@ -56,8 +56,8 @@ class Catalogue:
         detections = np.array([scenario.detections for scenario in self.scenarios])
         self.detections: Floats = detections.T.copy()
         situations = [scenario.persons_to_find for scenario in self.scenarios]
-        steps = range(max(len(each.survival or [1]) for persons in situations for each in persons))
-        alive = [[[*map(each.alive, steps)] for each in persons] for persons in situations]
+        steps = range(max(len(one.survival or [1]) for persons in situations for one in persons))
+        alive = [[[*map(person.alive, steps)] for person in persons] for persons in situations]
         self.alive: Floats = np.array(alive)
         if complete:
             what = f"the table of matrices for {self.forecasts.count} different forecasts"

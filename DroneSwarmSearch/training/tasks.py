@@ -1,0 +1,109 @@
+"""The tasks of the benchmark, and their held-out searches."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from DroneSwarmSearch.core.named_search import NamedSearch
+from DroneSwarmSearch.core.scenario import Scenario
+from DroneSwarmSearch.drift.persons import Person
+from DroneSwarmSearch.evaluation.results import Evaluation
+from DroneSwarmSearch.evaluation.rollout import play
+from DroneSwarmSearch.evaluation.run import Case
+from DroneSwarmSearch.evaluation.stage import prepared
+from DroneSwarmSearch.layouts.view import View
+from DroneSwarmSearch.vector.engine import Sampler
+
+SEED = 1_000_000  # of held-out episodes; training usually starts from small seeds
+EPISODES = 500
+
+TRAINING_TASK: dict[str, Any] = {
+    "grid_size": 10,
+    "n_drones": 2,
+    "vector": (0.2, 0.1),
+    "person_initial_position": (4, 3),
+    "disperse_constant": 5,
+    "timestep_limit": 50,
+    "bayesian_update": True,
+}
+"""Parameters of `DroneSwarmSearch`: two drones search a 10 x 10 grid for a drifting person.
+
+The matrix is the posterior, so a policy needs no memory; the task takes minutes to learn.
+"""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A task of the benchmark, which changes with the suite's version only.
+
+    Attributes:
+        parameters: those of `DroneSwarmSearch`.
+        sampler: draws what is new in every episode, as for `SearchBatch`; None if nothing is.
+    """
+
+    parameters: Mapping[str, Any]
+    sampler: Sampler | None = None
+
+    def held_out(self) -> list[NamedSearch]:
+        """The 500 searches to test on, or the only one, as coverage missions."""
+        rng, draw = np.random.default_rng(SEED), self.sampler or (lambda rng: {})
+        drawn = [draw(rng) for _ in range(EPISODES if self.sampler else 1)]
+        given = [{**self.parameters, **new, "mission": "coverage"} for new in drawn]
+        reason = "No policy has trained on it."
+        return [
+            NamedSearch(f"held-out-{n}", reason, Scenario(**one)) for n, one in enumerate(given)
+        ]
+
+    def evaluate(
+        self, policy: object, *, view: View | str | None = None, name: str | None = None
+    ) -> Evaluation:
+        """Evaluate a policy in 500 held-out episodes, one of each search of `held_out`.
+
+        Arguments as for `evaluation.evaluate`. One policy flies all episodes together, made from
+        the `Scenario` of the first: it must not know more of the person than it observes. Evaluate
+        others, such as the planner, in every search of `held_out`.
+        """
+        first, *_ = searches = self.held_out()
+        case, seeds = Case.of(policy, first, view, name=name), range(SEED, SEED + EPISODES)
+        persons = tuple(search.scenario.persons_to_find for search in searches)
+        scenario = case.search.scenario.replace(persons=persons[0])
+        together = _SeveralSearches("held-out", first.reason, scenario, situations=persons)
+        played = play(prepared(case.spec, first), together, seeds, case.view)
+        return Evaluation(case.spec.name, together, SEED, case.view, played, is_exact=False)
+
+
+@dataclass(frozen=True)
+class _SeveralSearches(NamedSearch):
+    """Searches that differ in their persons; the episodes take them in turn."""
+
+    situations: tuple[tuple[Person, ...], ...] = ()
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        which = np.arange(EPISODES) % len(self.situations)
+        return {**super().parameters, "situations": self.situations, "situation": which}
+
+
+@dataclass(frozen=True)
+class _AnyDrift:
+    """Draws the start, a sixth of the grid or more from its border, and a drift."""
+
+    grid_size: int
+
+    def __call__(self, rng: np.random.Generator) -> dict[str, Any]:
+        margin = self.grid_size // 6
+        start = rng.integers(margin, self.grid_size - margin, 2)
+        return {"person_initial_position": start, "vector": rng.uniform(-0.3, 0.3, 2)}
+
+
+def _drawn(grid_size: int, n_drones: int) -> Task:
+    more = {"grid_size": grid_size, "n_drones": n_drones, "timestep_limit": 60}
+    return Task({**more, "bayesian_update": True}, _AnyDrift(grid_size))
+
+
+TASKS = {"small": Task(TRAINING_TASK), "medium": _drawn(20, 4), "large": _drawn(30, 12)}
+"""The tasks by name: two, 4 and 12 drones; start and drift are drawn anew but in the small one."""

@@ -1,0 +1,72 @@
+"""The tasks of the benchmark."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch import Scenario, training
+from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.training import TASKS, TRAINING_TASK
+from DroneSwarmSearch.vector import SwarmVectorEnv
+
+# A task whose searches change is another one: give the suite a new version, and run all rows of the
+# benchmark again.
+FINGERPRINTS = {
+    "small": "0a01e5f2af48a0eb",
+    "medium": "2cf6f025b55f0aac",
+    "large": "7bddc27e46d5c003",
+}
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_the_held_out_searches_stay_as_they_are(name: str) -> None:
+    searches = TASKS[name].held_out()
+    digest = hashlib.sha256("".join(each.fingerprint for each in searches).encode())
+    assert digest.hexdigest()[:16] == FINGERPRINTS[name]
+    assert len({each.fingerprint for each in searches}) == (1 if name == "small" else 500)
+
+
+def test_the_small_task_is_that_of_the_examples() -> None:
+    [search] = TASKS["small"].held_out()
+    assert search.scenario == Scenario(**TRAINING_TASK, mission="coverage")
+
+
+@pytest.mark.parametrize("name", ["medium", "large"])
+def test_trainings_draw_other_searches(name: str) -> None:
+    task = TASKS[name]
+    sampler = pickle.loads(pickle.dumps(task.sampler))  # workers of trainers get copies
+    envs = SwarmVectorEnv(40, **task.parameters, sampler=sampler)
+    envs.reset(seed=3)
+    drawn = {envs.batch.scenario_of(row).vector for row in range(40)}
+    assert len(drawn) > 30
+    assert not drawn & {each.scenario.vector for each in task.held_out()}
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_all_held_out_searches_are_evaluated_together(name: str) -> None:
+    task = TASKS[name]
+    together = task.evaluate("greedy-matrix", name="greedy")
+    assert (together.policy, len(together.episodes)) == ("greedy", 500)
+    alone = [evaluate("greedy-matrix", each, episodes=1) for each in task.held_out()[:3]]
+    expected = np.array([each.success.value for each in alone])
+    assert together.curves[: len(alone), -1] == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_policy_is_compared_with_the_baselines_of_a_task(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    every = training.compare_with_baselines(
+        "greedy-matrix", TASKS["medium"], name="mine", folder=tmp_path
+    )
+    assert [each.policy for each in every] == ["mine", "random", "greedy-matrix"]
+    assert every[0].success.value == every[2].success.value > every[1].success.value
+    assert "500 episodes" in capsys.readouterr().out
+    assert {each.name for each in tmp_path.iterdir()} == {
+        *("evaluation.csv", "search.json", "video.gif")
+    }
