@@ -106,8 +106,7 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
 
     def _drones(self) -> NDArray[np.int32]:
         """Every drone's (x, y), shape (n, 2)."""
-        cells = self._search.snapshot().cells
-        return np.array([self._grid.positions[cell] for cell in cells], np.int32)
+        return self._grid.coordinates.take(self._search.snapshot().cells, axis=0)
 
 
 class LayoutObservation(SearchWrapper):
@@ -122,22 +121,26 @@ class LayoutObservation(SearchWrapper):
     ) -> None:
         super().__init__(env)
         self.layout = layout(self._search.grid_size, self._search.n_drones, **options)
+        limit = self._search.timestep_limit
+        self._left = remaining_time_fraction(np.arange(limit + 1), limit)
         self._spaces = {agent: deepcopy(self.layout.space) for agent in self._names}
 
     def _observed(self, observations: Observations, infos: Infos) -> Observations:
         now = self._search.snapshot()
-        left = remaining_time_fraction([now.step], self._search.timestep_limit)
-        shown: Any = create_empty_array(self.layout.space, len(self._names), fn=np.empty)
-        positions, matrix = self._drones()[None], now.matrix[None].copy()
-        if isinstance(shown, dict):
-            out = {name: array[None] for name, array in shown.items()}
-            self.layout.write(positions, matrix, left, out)
-            return {
-                agent: {name: array[k] for name, array in shown.items()}
-                for k, agent in enumerate(self._names)
-            }
-        self.layout.write(positions, matrix, left, shown[None])
-        return dict(zip(self._names, shown, strict=True))
+        left = self._left[now.step : now.step + 1]
+        positions = self._grid.coordinates.take(now.cells, axis=0)[None]
+        space, matrix, n = self.layout.space, now.matrix[None].copy(), len(self._names)
+        if isinstance(space, spaces.Box):
+            shown: Any = np.empty((n, *space.shape), space.dtype)
+            self.layout.write(positions, matrix, left, shown[None])
+            return dict(zip(self._names, shown, strict=True))
+        shown = create_empty_array(space, n, fn=np.empty)
+        out = {name: array[None] for name, array in shown.items()}
+        self.layout.write(positions, matrix, left, out)
+        return {
+            agent: {name: array[k] for name, array in shown.items()}
+            for k, agent in enumerate(self._names)
+        }
 
 
 class DictObservation(LayoutObservation):

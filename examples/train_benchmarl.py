@@ -27,7 +27,7 @@ from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.adapters.benchmarl import SearchTask
 from DroneSwarmSearch.adapters.torchrl import logits
 from DroneSwarmSearch.evaluation import View
-from DroneSwarmSearch.training import TASKS
+from DroneSwarmSearch.training import TASKS, Task
 
 NUM_SWARMS = 100  # searches; each is flown once between two updates
 ALGORITHMS = {
@@ -96,9 +96,10 @@ class Trained(TrainedPolicy):
         super().__init__(logits(policy, scenario.n_drones), deterministic=greedy, view=view)
 
 
-def make_config(folder: Path, steps: int, limit: int, on_policy: bool) -> ExperimentConfig:
+def make_config(folder: Path, steps: int, task: Task, on_policy: bool) -> ExperimentConfig:
     """BenchMARL's defaults, adapted to a small task and a CPU."""
-    config, batch = ExperimentConfig.get_from_yaml(), NUM_SWARMS * limit
+    config, drones = ExperimentConfig.get_from_yaml(), task.parameters["n_drones"]
+    batch = NUM_SWARMS * task.parameters["timestep_limit"]
     config.max_n_frames, config.max_n_iters = None, math.ceil(steps / batch)
     config.on_policy_n_envs_per_worker = NUM_SWARMS
     config.on_policy_collected_frames_per_batch, config.checkpoint_at_end = batch, True
@@ -107,7 +108,8 @@ def make_config(folder: Path, steps: int, limit: int, on_policy: bool) -> Experi
     if not on_policy:
         config.off_policy_n_envs_per_worker = NUM_SWARMS
         config.off_policy_collected_frames_per_batch = batch
-        config.off_policy_n_optimizer_steps, config.off_policy_train_batch_size = 100, 512
+        config.off_policy_n_optimizer_steps = 100
+        config.off_policy_train_batch_size = 1024 // drones  # steps of the swarm
         config.off_policy_memory_size = 100_000
         config.exploration_eps_end = 0.02
         config.exploration_anneal_frames = steps // 2
@@ -129,7 +131,7 @@ def main() -> None:
     torch.set_num_threads(options.threads)
     algorithm = ALGORITHMS[options.algorithm].get_from_yaml()
     task = TASKS[options.task]
-    drones, limit = task.parameters["n_drones"], task.parameters["timestep_limit"]
+    drones = task.parameters["n_drones"]
     scale = drones / 2  # a drone's share of the success is the smaller, the more there are
     callbacks = [Curve(options.out / "curve.csv")]
     if on_policy := algorithm.on_policy():
@@ -148,7 +150,7 @@ def main() -> None:
         model_config=MlpConfig(**layers),
         critic_model_config=of_state if options.algorithm == "mappo" else None,
         seed=options.seed,
-        config=make_config(options.out, options.steps, limit, on_policy),
+        config=make_config(options.out, options.steps, task, on_policy),
         callbacks=callbacks,
     )
     experiment.run()

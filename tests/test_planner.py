@@ -25,6 +25,7 @@ from small_searches import (
     uncertain_persons,
 )
 
+from DroneSwarmSearch import Drift, Person
 from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
@@ -107,6 +108,20 @@ def test_more_work_finds_more_and_the_same_work_the_same() -> None:
     assert success[0] + 0.005 < success[1] == success[2]
     with pytest.raises(ValueError, match="seconds must be"):
         PlannerPolicy(of.scenario, seconds=-1)
+
+
+@pytest.mark.good_plans
+def test_little_work_in_a_large_search_gains_something() -> None:
+    """From the first temperature, so little work does not even come back to where it began."""
+    of = search(
+        [(23, 0), (22, 0), (21, 0), (20, 0)], grid_size=24, timestep_limit=40,
+        persons=Person((Drift((3, 3), start_sd=2, vector=(0.4, 0.3), diffusion=0.2),), 0.7),
+    )  # fmt: skip
+    begun, planned = (
+        success_of(of, paths_of(PlannerPolicy(of.scenario, seconds=seconds), of))[0]
+        for seconds in (0.0, 1.0)
+    )
+    assert planned > begun + 0.005
 
 
 A_SEARCH = search(

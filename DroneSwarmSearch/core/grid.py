@@ -10,6 +10,7 @@ from functools import cached_property, lru_cache
 from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints
@@ -91,6 +92,14 @@ class Grid:
             targets[:, move] = np.where(inside, cells + dy * self.size + dx, OFF_GRID)
         targets.flags.writeable = False
         return targets
+
+    @cached_property
+    def coordinates(self) -> NDArray[np.int32]:
+        """`positions` of all cells: int32, (size², 2), read-only."""
+        y, x = np.divmod(np.arange(self.size**2, dtype=np.int32), self.size)
+        coordinates = np.stack([x, y], axis=1)
+        coordinates.flags.writeable = False
+        return coordinates
 
     def distance(self, cells: Any, others: Any) -> Any:
         """The moves between cells, given as numbers."""

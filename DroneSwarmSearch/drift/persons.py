@@ -97,7 +97,7 @@ def warn_of_mass_beyond(
 ) -> None:
     """Warn if more than 1% of a person's forecast lies beyond the grid within the time limit."""
     last = checks.integer("timestep_limit", timestep_limit, 1, checks.LARGEST_EXACT)
-    steps = _some_steps(last)
+    steps = {round(last * part / 32) for part in range(33)}  # a forecast comes and goes smoothly
     # Tracks warn when a model is made of them.
     drifting = [person.drift for person in persons if isinstance(person.drift, Hypotheses)]
     every = [(drift.mass_beyond(grid_size, step), -step) for drift in drifting for step in steps]
@@ -108,11 +108,6 @@ def warn_of_mass_beyond(
             f"{grid_size} cells at step {-step}: take a larger grid, or larger cells",
             stacklevel=stacklevel + 1,
         )
-
-
-def _some_steps(last: int) -> set[int]:
-    """A few steps from the first to the last: a forecast comes and goes smoothly."""
-    return {round(last * part / 32) for part in range(33)}
 
 
 def _survival(value: object) -> tuple[float, ...]:

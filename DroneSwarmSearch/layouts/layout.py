@@ -60,7 +60,7 @@ def own_first(n_drones: int) -> NDArray[np.int64]:
 
 def scaled_positions(positions: Positions, grid_size: int, out: Singles) -> None:
     """Write positions or offsets, of any shape, with the grid scaled to the unit square."""
-    np.divide(positions, np.float32(grid_size - 1), out=out, casting="same_kind")
+    np.divide(positions.astype(np.float32), np.float32(grid_size - 1), out=out)
 
 
 def mark(positions: Positions, planes: Singles) -> None:

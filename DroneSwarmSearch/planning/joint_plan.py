@@ -47,6 +47,10 @@ STRENGTHS = (0.2, 0.5, 1.0)
 HOTTEST, COLDEST = 2.0, 0.02
 """The first and the last temperature, in units of a plan's mean value per drone and step."""
 
+MILD, AGAIN = 0.1, 0.5
+"""Where that gains nothing, since the work is too little to come back from the heat: the first
+temperature of a second try, and its fraction of the work."""
+
 TOGETHER = 4
 """The most drones in a trial without pairs."""
 
@@ -95,17 +99,33 @@ class JointPlan:
         rng: np.random.Generator,
         report: Report = lambda fraction: None,
     ) -> None:
-        """Improve the plan by some work, given as the time that it takes on a common computer."""
-        noise, begin, direction = rng.normal(size=NOISE).astype(np.float32), 0, 1
+        """Improve the plan by some work, given as the time that it takes on a common computer.
+
+        If the first try gains nothing, a second one, without reports, takes half as long again.
+        """
+        noise = rng.normal(size=NOISE).astype(np.float32)
         noises = [np.exp(strength * noise) for strength in STRENGTHS]
-        value = most = self.value()
+        if not self._cool(HOTTEST, seconds, noises, rng, report):
+            self._cool(MILD, AGAIN * seconds, noises, rng)
+
+    def _cool(
+        self,
+        hottest: float,
+        seconds: float,
+        noises: Sequence[Floats],
+        rng: np.random.Generator,
+        report: Report = lambda fraction: None,
+    ) -> bool:
+        """Anneal from a temperature; returns whether the plan is better."""
+        begin, direction = 0, 1
+        value = most = start = self.value()
         best = copy.deepcopy(self.paths)
         drone_steps = len(best) * self._steps
         unit = max(value, 1e-9) / drone_steps
         done = 0.0 if seconds else 1.0
         while done < 1.0:
             report(done)
-            temperature = unit * HOTTEST * (COLDEST / HOTTEST) ** done
+            temperature = unit * hottest * (COLDEST / hottest) ** done
             longest = LONGEST if done < 0.5 else LONGEST_LATER
             length = round(SHORTEST * (longest / SHORTEST) ** rng.random())
             length = min(length, self._steps)
@@ -121,6 +141,7 @@ class JointPlan:
             if not 0 <= begin <= self._steps - length:
                 direction = -direction
         self._replace(range(len(best)), 0, best)
+        return most > start
 
     def trial(
         self, begin: int, end: int, temperature: float, factors: Floats, rng: np.random.Generator

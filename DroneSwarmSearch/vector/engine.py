@@ -128,9 +128,8 @@ class SearchBatch:
 
         self._rows = np.arange(rows)
         self._row_of = self._rows.repeat(n)  # of each drone
-        y, x = np.divmod(np.arange(scenario.grid_size**2, dtype=np.int32), scenario.grid_size)
-        self._positions = np.stack([x, y], axis=1)  # of every cell
-        self._neighbours = Grid.of(scenario.grid_size).targets
+        grid = Grid.of(scenario.grid_size)
+        self._positions, self._neighbours = grid.coordinates, grid.targets
         self._counters: Words = np.zeros((4, rows), np.uint64)  # stream keys plus episodes
         self._seeded = np.zeros(rows, np.bool_)
         self._changing = False  # stays True after an interrupted step or reset
