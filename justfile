@@ -67,6 +67,12 @@ golden *options:
 leaderboard *options:
     python -m DroneSwarmSearch leaderboard --submissions docs/leaderboard/submissions.csv --out docs/leaderboard {{ options }}
 
+# train and evaluate what the benchmark lacks, and write its table
+benchmark:
+    python benchmarks/algorithms.py train
+    python benchmarks/algorithms.py baselines
+    python benchmarks/algorithms.py report
+
 # measure the speed of batches on this machine
 bench *options:
     python benchmarks/bench_vector.py {{ options }}

@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import csv
 import itertools
+import math
 import os
 import subprocess
 import sys
@@ -32,7 +33,7 @@ ROOT = Path(__file__).parents[1]
 RESULTS, CURVES = (ROOT / f"docs/benchmark/{name}.csv" for name in ("results", "curves"))
 ALGORITHMS = ("ippo", "mappo", "iql", "vdn", "qmix")
 BASELINES = ("random", "greedy-matrix", "greedy-posterior", "imitation", "planner")
-STEPS, PLANNING = 400_000, 5.0  # of a training; seconds of work for a plan
+STEPS, PLANNING = 400_000, 1.0  # of a training; seconds of work for a plan
 KEY = ("algorithm", "task", "seed")
 POINTS = 40  # of a curve
 
@@ -91,7 +92,7 @@ def baseline(name: str, task: str) -> None:
     values = []
     for search in searches:
         policy = name
-        if name == "planner":
+        if name == "planner" and len(searches) > 1:  # else its usual work
             policy = PlannerPolicy(search.scenario, seconds=PLANNING)
         values.append(evaluate(policy, search, episodes=episodes, name=name).success.value)
     cpu = time.process_time() - before
@@ -135,17 +136,17 @@ def table() -> str:
 
     heads = ["policy", *names, "all, score", *(f"CPU, {name}" for name in names)]
     lines = [heads, ["---", *["---:"] * (len(heads) - 1)]]
+    low, high = ([column(each, name) for name in names] for each in ("random", "planner"))
     for policy in (*BASELINES, *ALGORITHMS):
         runs = [column(policy, name) for name in names]
         shown = policy.upper() if policy in ALGORITHMS else f"`{policy}`"
         cells = [shown, *(cell([values]) if len(values) else "" for values in runs), ""]
-        if all(map(len, runs)):
-            ends = ([column(each, name)[0] for name in names] for each in ("random", "planner"))
-            scores = zip(runs, *ends, strict=True)
-            cells[-1] = cell([(values - low) / (high - low) for values, low, high in scores])
+        if all(map(len, [*runs, *low, *high])):
+            ends = zip(runs, low, high, strict=True)
+            cells[-1] = cell([(values - least) / (most - least) for values, least, most in ends])
         times = [column(policy, name, "cpu_seconds") for name in names]
         trained = policy in ALGORITHMS
-        cells += [f"{t.mean() / 60:.0f} min" if trained and len(t) else "" for t in times]
+        cells += [f"{math.ceil(t.max() / 60)} min" if trained and len(t) else "" for t in times]
         lines.append(cells)
     return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
 

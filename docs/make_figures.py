@@ -58,12 +58,13 @@ from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
 from DroneSwarmSearch.policies.datum import Datum
 from DroneSwarmSearch.rendering import palette
 from DroneSwarmSearch.rendering.palette import drone_colour
-from DroneSwarmSearch.training import TRAINING_TASK
+from DroneSwarmSearch.training import TASKS, TRAINING_TASK
 from DroneSwarmSearch.training.curve import moving_mean, read_columns
 from DroneSwarmSearch.vector import SwarmVectorEnv
 
 FIGURES = Path(__file__).parent / "figures"
 TRAINING = Path(__file__).parent / "training"
+BENCHMARK = Path(__file__).parent / "benchmark"
 LEADERBOARD = Path(__file__).parent / "leaderboard" / "leaderboard.csv"
 
 Floats = NDArray[np.float64]
@@ -961,6 +962,9 @@ EXAMPLES = {
 }
 """The training examples and their names in the figure."""
 
+ALGORITHMS = "ippo", "mappo", "iql", "vdn", "qmix"
+"""The algorithms of the benchmark."""
+
 YARDSTICKS = "greedy-forecast", "greedy-posterior", "greedy-matrix", "random"
 
 
@@ -1009,6 +1013,50 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
     chart.legend(
         handles=lines, loc="outside lower center", ncols=5, columnspacing=0.9, handlelength=1.5
     )
+    return chart
+
+
+@figure("benchmark")
+def benchmark(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw the learning curves of the benchmark: means over the seeds, and their range."""
+    chart = Figure(figsize=(WIDTH, 2.9), layout="constrained")
+    panels = chart.subplots(1, 3, sharey=True)
+    with (BENCHMARK / "curves.csv").open(encoding="utf-8", newline="") as file:
+        curves = [*csv.DictReader(file)]
+    with (BENCHMARK / "results.csv").open(encoding="utf-8", newline="") as file:
+        results = [*csv.DictReader(file)]
+    colours = dict(zip(ALGORITHMS, theme.series, strict=True))
+    levels = {"planner": "-.", "greedy-matrix": (0, (4, 2)), "random": ":"}
+    for axes, task in zip(panels, TASKS, strict=True):
+        axes.set_title(task)
+        for row in results:
+            if row["task"] == task and (dashes := levels.get(row["algorithm"])):
+                axes.axhline(
+                    float(row["success"]), color=theme.grey, linestyle=dashes, linewidth=1.2
+                )
+        for algorithm, colour in colours.items():
+            found: dict[float, list[float]] = {}
+            for row in curves:
+                if (row["algorithm"], row["task"]) == (algorithm, task):
+                    found.setdefault(float(row["steps"]), []).append(float(row["found"]))
+            values = [*found.values()]
+            axes.plot([*found], [*map(np.mean, values)], color=colour, linewidth=1.3)
+            ends = [*map(min, values)], [*map(max, values)]
+            axes.fill_between([*found], *ends, color=colour, alpha=0.2, linewidth=0)
+        axes.set(xlim=0, xlabel="environment steps")
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+        axes.grid()
+    panels[0].set_ylim(0, 0.9)
+    panels[0].yaxis.set_major_formatter(PercentFormatter(1.0))
+    lines = [
+        *(Line2D([], [], color=colour, label=name.upper()) for name, colour in colours.items()),
+        *(
+            Line2D([], [], color=theme.grey, linestyle=dashes, linewidth=1.2, label=name)
+            for name, dashes in levels.items()
+        ),
+    ]
+    chart.legend(handles=lines, loc="outside lower center", ncols=4, handlelength=1.8)
     return chart
 
 

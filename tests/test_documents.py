@@ -40,8 +40,9 @@ EXTRAS = {
 """Optional packages that code blocks import, with the extra that installs them."""
 
 SLOW_PAGES = (
-    *("docs/contributing.md", "docs/guides/training.md", "docs/guides/trainers/"),
-    *("docs/leaderboard/", "docs/model.md", "docs/open-problems.md", "docs/performance.md"),
+    *("docs/benchmark/", "docs/contributing.md", "docs/guides/training.md"),
+    *("docs/guides/trainers/", "docs/leaderboard/", "docs/model.md", "docs/open-problems.md"),
+    "docs/performance.md",
 )
 """Pages whose commands may take minutes or need optional packages."""
 

@@ -49,6 +49,11 @@ RUNNERS = ("--num-env-runners", 2, "--num-envs", 2)
             *("benchmarl", "benchmarl", "benchmarl-qmix"),
             *("--steps", 10_000, "--algorithm", "qmix"),
         ),
+        example(
+            "benchmarl-medium",
+            *("benchmarl", "benchmarl", "benchmarl-iql"),
+            *("--steps", 12_000, "--algorithm", "iql", "--task", "medium"),
+        ),
         example("tianshou", "tianshou", "tianshou", "tianshou-ppo", "--steps", 4_000),
         example("rllib-local", "lz4", "rllib", "rllib-ppo", "--steps", 4_000),
         example("rllib-runners", "lz4", "rllib", "rllib-ppo", "--steps", 4_000, *RUNNERS),
@@ -59,7 +64,8 @@ def test_it_trains_and_compares(
 ) -> None:
     folder = tmp_path / "run"
     output = python(EXAMPLES / script, "--out", folder, "--episodes", 20, *arguments)
-    assert "20 episodes, the same for all policies" in output
+    count = 500 if "medium" in arguments else 20
+    assert f"\n{count} episodes, the same for all policies" in output
     assert rows(folder / "evaluation.csv")[0]["policy"] == policy
     assert float(rows(folder / "evaluation.csv")[0]["success"]) > 0
     assert (folder / "curve.png").read_bytes().startswith(b"\x89PNG")

@@ -102,7 +102,7 @@ class ObjectClass:
         description: what it is.
         downwind: coefficients downwind.
         right: coefficients crosswind, positive to the right, for objects that go right.
-        left: the same for objects that go left; the slope is negative.
+        left: coefficients crosswind for objects that go left; the slope is negative.
         source: where the coefficients come from.
 
     Raises:

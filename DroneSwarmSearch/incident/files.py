@@ -179,19 +179,11 @@ def _csv(plan: PlannedFlights) -> str:
     for drone, flight in enumerate(plan.flights):
         seconds = np.diff([waypoint.time.timestamp() for waypoint in flight])
         speeds = [*(_legs(plan, flight) / seconds), 0.0]
-        for number, (waypoint, speed) in enumerate(zip(flight, speeds, strict=True)):
-            place = f"{waypoint.latitude:.7f}", f"{waypoint.longitude:.7f}", waypoint.altitude
+        for number, (point, speed) in enumerate(zip(flight, speeds, strict=True)):
+            place = f"{point.latitude:.7f}", f"{point.longitude:.7f}", point.altitude
             order = plan.orders[drone] if number == 0 else ""
             rows.writerow(
-                [
-                    drone,
-                    number,
-                    _utc(waypoint.time),
-                    *place,
-                    f"{speed:.2f}",
-                    waypoint.searching,
-                    order,
-                ]
+                [drone, number, _utc(point.time), *place, f"{speed:.2f}", point.searching, order]
             )
     return text.getvalue()
 

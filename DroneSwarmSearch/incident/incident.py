@@ -40,13 +40,14 @@ class Incident(Report):
             ["300 25kn", "320 30kn@08:00Z"], a mapping of seconds after `time` to winds, or a CSV
             file with the columns time, direction and speed. Between times it is interpolated. Or
             the NetCDF file of a weather model, .nc, with a field by CF standard name.
-        current: the same, but the direction is where it flows to. Where the file of an ocean model
-            has no values, there is land, on which persons strand.
+        current: in the forms of the wind, but the direction is where it flows to. Where the file of
+            an ocean model has no values, there is land, on which persons strand.
         wind_error: the standard deviation along each axis of the error of the wind, constant in an
             incident. By default 2 m/s, the target accuracy of satellite winds (EUMETSAT OSI SAF,
             wind products); forecasts are no better.
-        current_error: that of the current. By default 0.13 m/s: a probable error of 0.3 kn, which
-            the IAMSAR Manual (volume II, appendix K) takes where none is known, divided by 1.18.
+        current_error: the standard deviation of the error of the current. By default 0.13 m/s: a
+            probable error of 0.3 kn, which the IAMSAR Manual (volume II, appendix K) takes where
+            none is known, divided by 1.18.
         tracks: a file of a drift simulation, see `Tracks.read`, in place of class and current;
             `wind` is then only that on the drones, by default none. Position and time are by
             default the mean of its first positions, and when.

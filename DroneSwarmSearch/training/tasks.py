@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -88,22 +89,17 @@ class _SeveralSearches(NamedSearch):
         return {**super().parameters, "situations": self.situations, "situation": which}
 
 
-@dataclass(frozen=True)
-class _AnyDrift:
-    """Draws the start, a sixth of the grid or more from its border, and a drift."""
-
-    grid_size: int
-
-    def __call__(self, rng: np.random.Generator) -> dict[str, Any]:
-        margin = self.grid_size // 6
-        start = rng.integers(margin, self.grid_size - margin, 2)
-        return {"person_initial_position": start, "vector": rng.uniform(-0.3, 0.3, 2)}
+def _any_drift(grid_size: int, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw the start, a sixth of the grid or more from its border, and a drift."""
+    start = rng.integers(grid_size // 6, grid_size - grid_size // 6, 2)
+    return {"person_initial_position": start, "vector": rng.uniform(-0.3, 0.3, 2)}
 
 
-def _drawn(grid_size: int, n_drones: int) -> Task:
-    more = {"grid_size": grid_size, "n_drones": n_drones, "timestep_limit": 60}
-    return Task({**more, "bayesian_update": True}, _AnyDrift(grid_size))
+def _task(grid_size: int, n_drones: int) -> Task:
+    size = {"grid_size": grid_size, "n_drones": n_drones}
+    more = {"timestep_limit": 60, "bayesian_update": True}
+    return Task({**size, **more}, partial(_any_drift, grid_size))
 
 
-TASKS = {"small": Task(TRAINING_TASK), "medium": _drawn(20, 4), "large": _drawn(30, 12)}
-"""The tasks by name: two, 4 and 12 drones; start and drift are drawn anew but in the small one."""
+TASKS = {"small": Task(TRAINING_TASK), "medium": _task(20, 4), "large": _task(30, 12)}
+"""The tasks by name, for 2, 4 and 12 drones; in the small one, start and drift are always alike."""

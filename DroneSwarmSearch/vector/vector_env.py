@@ -380,10 +380,10 @@ class SwarmVectorEnv(SearchVectorEnv):
         copy: return new observations from every step; False overwrites the same ones.
         render_mode: None, "ansi" or "rgb_array": whether `render` returns text or pictures.
         scenario, situations, situation, drones_positions, sampler: as for `SearchBatch`.
-        grid_size, n_drones, vector, person_initial_position, disperse_constant: those of a
-            `Scenario`, in place of one, as are the following.
-        timestep_limit, probability_of_detection, bayesian_update: likewise.
-        reward_scheme, persons, mission: likewise.
+        grid_size, n_drones, vector, person_initial_position, disperse_constant: as for a
+            `Scenario`, in place of `scenario`.
+        timestep_limit, probability_of_detection, bayesian_update: as for a `Scenario`.
+        reward_scheme, persons, mission: as for a `Scenario`.
 
     Attributes:
         num_envs: the number of sub-environments.

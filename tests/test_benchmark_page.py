@@ -1,0 +1,59 @@
+"""The table and the curves of the benchmark are those of its CSV files."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+
+import algorithms
+
+from DroneSwarmSearch.training import TASKS
+
+RESULTS, CURVES = (algorithms.rows_of(path) for path in (algorithms.RESULTS, algorithms.CURVES))
+RUNS = {tuple(row[name] for name in algorithms.KEY): row for row in RESULTS}
+
+
+def test_the_table_shows_the_results() -> None:
+    page = (algorithms.RESULTS.parent / "table.md").read_text("utf-8")
+    assert page == algorithms.table(), "run python benchmarks/algorithms.py report"
+
+
+def test_no_run_is_left_out_or_counted_twice() -> None:
+    assert len(RUNS) == len(RESULTS)
+    for policy in algorithms.ALGORITHMS:
+        for task in TASKS:
+            seeds = sorted(seed for name, of, seed in RUNS if (name, of) == (policy, task))
+            assert seeds == [*map(str, range(len(seeds)))]
+
+
+def test_every_trained_policy_has_a_curve_and_nothing_else_does() -> None:
+    trained = {key for key in RUNS if key[0] in algorithms.ALGORITHMS}
+    last = {tuple(row[name] for name in algorithms.KEY): float(row["steps"]) for row in CURVES}
+    assert last.keys() == trained
+    for key, steps in last.items():
+        assert float(RUNS[key]["steps"]) <= steps < 1.02 * float(RUNS[key]["steps"])
+
+
+def test_greedy_search_finds_what_the_table_says() -> None:
+    for name, task in TASKS.items():
+        success = float(RUNS["greedy-matrix", name, ""]["success"])
+        assert task.evaluate("greedy-matrix").success.value == pytest.approx(success, abs=1e-5)
+
+
+def test_the_interquartile_mean_leaves_a_quarter_out_on_each_side() -> None:
+    runs = np.array([9.0, 1.0, 2.0, 4.0, 100.0])
+    mean, low, high = algorithms.interval([runs])
+    assert mean == 5.0
+    assert 1.0 < low < mean < high <= 100.0
+    assert algorithms.interval([runs[:3]])[0] == 4.0
+
+
+def test_the_interval_draws_runs_within_each_task() -> None:
+    """Two tasks with equal runs each have no error, although they differ."""
+    mean, low, high = algorithms.interval([np.full(4, 0.2), np.full(4, 0.6)])
+    assert mean == pytest.approx(low) == pytest.approx(high) == pytest.approx(0.4)
