@@ -134,7 +134,7 @@ def table() -> str:
         mine = [row[name] for row in rows if (row["algorithm"], row["task"]) == (policy, task)]
         return np.array(mine, np.float64)
 
-    heads = ["policy", *names, "all, score", *(f"CPU, {name}" for name in names)]
+    heads = ["policy", *names, "score", "CPU, minutes"]
     lines = [heads, ["---", *["---:"] * (len(heads) - 1)]]
     low, high = ([column(each, name) for name in names] for each in ("random", "planner"))
     for policy in (*BASELINES, *ALGORITHMS):
@@ -144,10 +144,9 @@ def table() -> str:
         if all(map(len, [*runs, *low, *high])):
             ends = zip(runs, low, high, strict=True)
             cells[-1] = cell([(values - least) / (most - least) for values, least, most in ends])
-        times = [column(policy, name, "cpu_seconds") for name in names]
-        trained = policy in ALGORITHMS
-        cells += [f"{math.ceil(t.max() / 60)} min" if trained and len(t) else "" for t in times]
-        lines.append(cells)
+        times = [column(policy, name, "cpu_seconds").max(initial=0) for name in names]
+        minutes = ", ".join(str(math.ceil(time / 60)) for time in times if time)
+        lines.append([*cells, minutes if policy in ALGORITHMS else ""])
     return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
 
 

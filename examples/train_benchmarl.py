@@ -41,11 +41,11 @@ ALGORITHMS = {
 # In the coverage mission nobody is found: a search pays the swarm the probability of success that
 # it adds, which is less noisy than a find.
 MISSION = {"mission": "coverage"}
-LEARNING_RATE, ENTROPY = 1.5e-3, 0.001  # both fall to 0
+LEARNING_RATE, ENTROPY = 1.5e-3, 0.001  # of PPO
 
-# VDN and QMIX divide the value of the swarm among its drones, so all are paid the mean over the
-# swarm. Other algorithms learn faster from a drone's own searches, but two drones of PPO cooperate
-# better if they share.
+# The most drones in a swarm that share their rewards: all are paid the mean. VDN and QMIX divide
+# the value of the swarm among its drones. Other algorithms learn faster from a drone's own
+# searches, but two drones of PPO cooperate better if they share.
 SHARING = {"vdn": math.inf, "qmix": math.inf, "ippo": 2, "mappo": 2, "iql": 0}
 
 # A search adds about .01. Values this small vanish in the errors of a new network, and drones that
@@ -59,14 +59,17 @@ warnings.filterwarnings("ignore", module="torch")  # how BenchMARL uses TorchRL
 
 
 class Annealing(Callback):
-    """Lets the learning rates and the bonus for entropy fall to 0."""
+    """Lets the learning rates fall to 0: of PPO from the start, of others in the second half."""
 
     def on_batch_collected(self, batch: TensorDictBase) -> None:
         experiment = self.experiment
         left = 1 - experiment.n_iters_performed / experiment.config.max_n_iters
-        experiment.losses["drones"].entropy_coeff.fill_(ENTROPY * left)
+        if experiment.on_policy:
+            experiment.losses["drones"].entropy_coeff.fill_(ENTROPY * left)
+        else:
+            left = min(2 * left, 1.0)
         for optimiser in experiment.optimizers["drones"].values():
-            optimiser.param_groups[0]["lr"] = LEARNING_RATE * left
+            optimiser.param_groups[0]["lr"] = experiment.config.lr * left
 
 
 class Curve(Callback):
@@ -109,8 +112,9 @@ def make_config(folder: Path, steps: int, task: Task, on_policy: bool) -> Experi
         config.off_policy_n_envs_per_worker = NUM_SWARMS
         config.off_policy_collected_frames_per_batch = batch
         config.off_policy_n_optimizer_steps = 100
-        config.off_policy_train_batch_size = 1024 // drones  # steps of the swarm
-        config.off_policy_memory_size = 100_000
+        # In steps of the swarm. A short memory forgets what other actions than the best lead to.
+        config.off_policy_train_batch_size = 1024 // drones
+        config.off_policy_memory_size = 800_000 // drones
         config.exploration_eps_end = 0.02
         config.exploration_anneal_frames = steps // 2
         config.lr, config.clip_grad_val = 5e-4, 5.0
@@ -133,25 +137,24 @@ def main() -> None:
     task = TASKS[options.task]
     drones = task.parameters["n_drones"]
     scale = drones / 2  # a drone's share of the success is the smaller, the more there are
-    callbacks = [Curve(options.out / "curve.csv")]
     if on_policy := algorithm.on_policy():
         algorithm.entropy_coef, algorithm.lmbda = ENTROPY, 0.95
-        callbacks.insert(0, Annealing())
     else:
         scale *= VALUE_SCALE
     rewards = {"shared_reward": drones <= SHARING[options.algorithm], "reward_scale": scale}
+    state = {"state": options.algorithm in ("mappo", "qmix")}
     layers = {"num_cells": [128, 128], "layer_class": nn.Linear, "activation_class": nn.Tanh}
     of_state = MlpConfig(**layers, num_feature_dims=3)
     experiment = Experiment(
         task=SearchTask.SEARCH.get_task(
-            {**task.parameters, "sampler": task.sampler, **SHOWN, **MISSION, **rewards}
+            {**task.parameters, "sampler": task.sampler, **SHOWN, **MISSION, **rewards, **state}
         ),
         algorithm_config=algorithm,
         model_config=MlpConfig(**layers),
         critic_model_config=of_state if options.algorithm == "mappo" else None,
         seed=options.seed,
         config=make_config(options.out, options.steps, task, on_policy),
-        callbacks=callbacks,
+        callbacks=[Annealing(), Curve(options.out / "curve.csv")],
     )
     experiment.run()
     torch.save((options.algorithm, experiment.policy), options.out / "policy.pt")
