@@ -40,9 +40,10 @@ def test_every_trained_policy_has_a_curve_and_nothing_else_does() -> None:
 
 
 def test_greedy_search_finds_what_the_table_says() -> None:
-    for name, task in TASKS.items():
+    for name in ("small", "medium"):
         success = float(RUNS["greedy-matrix", name, ""]["success"])
-        assert task.evaluate("greedy-matrix").success.value == pytest.approx(success, abs=1e-5)
+        found = TASKS[name].evaluate("greedy-matrix").success.value
+        assert found == pytest.approx(success, abs=1e-5)
 
 
 def test_the_interquartile_mean_leaves_a_quarter_out_on_each_side() -> None:

@@ -34,7 +34,7 @@ from DroneSwarmSearch.policies.planner import PlannerPolicy
 
 
 def planner(of: NamedSearch) -> PlannerPolicy:
-    return PlannerPolicy(of.scenario)
+    return PlannerPolicy(of.scenario, seconds=4.0)
 
 
 def planner_success(of: NamedSearch) -> float:

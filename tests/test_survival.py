@@ -33,6 +33,7 @@ from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate, save_csv
 from DroneSwarmSearch.policies import SwarmPolicy, make
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
+from DroneSwarmSearch.policies.planner import PlannerPolicy
 
 MINUTE = Scale(100, 60)
 FALLING = (1.0, 0.9, 0.6, 0.2)
@@ -294,7 +295,8 @@ def test_the_planner_first_looks_for_who_dies_first(first):
     curves[first] = [0.9] * 5 + [0.1]
     scenario = two_persons(*curves)
     matrix = BeliefTracker(scenario).matrix()
-    (action,) = make("planner", scenario)(observations([(2, 2)], matrix)).values()
+    planner = PlannerPolicy(scenario, seconds=2.0)
+    (action,) = planner(observations([(2, 2)], matrix)).values()
     assert action == (Action.LEFT, Action.RIGHT)[first]
 
 

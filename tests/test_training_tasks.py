@@ -11,7 +11,7 @@ import pytest
 
 from DroneSwarmSearch import Scenario, training
 from DroneSwarmSearch.evaluation import evaluate
-from DroneSwarmSearch.training import TASKS, TRAINING_TASK
+from DroneSwarmSearch.training import TASKS, TRAINING_TASK, Task
 from DroneSwarmSearch.vector import SwarmVectorEnv
 
 # A task whose searches change is another one: give the suite a new version, and run all rows of the
@@ -47,7 +47,7 @@ def test_trainings_draw_other_searches(name: str) -> None:
     assert not drawn & {each.scenario.vector for each in task.held_out()}
 
 
-@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("name", ["small", "medium"])
 def test_all_held_out_searches_are_evaluated_together(name: str) -> None:
     task = TASKS[name]
     together = task.evaluate("greedy-matrix", name="greedy")
@@ -61,9 +61,9 @@ def test_a_policy_is_compared_with_the_baselines_of_a_task(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("imageio_ffmpeg")
-    every = training.compare_with_baselines(
-        "greedy-matrix", TASKS["medium"], name="mine", folder=tmp_path
-    )
+    size = {"grid_size": 6, "n_drones": 2, "timestep_limit": 9}
+    task = Task(size, lambda rng: {"person_initial_position": rng.integers(6, size=2)})
+    every = training.compare_with_baselines("greedy-matrix", task, name="mine", folder=tmp_path)
     assert [each.policy for each in every] == ["mine", "random", "greedy-matrix"]
     assert every[0].success.value == every[2].success.value > every[1].success.value
     assert "500 episodes" in capsys.readouterr().out
