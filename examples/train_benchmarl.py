@@ -41,7 +41,7 @@ ALGORITHMS = {
 # In the coverage mission nobody is found: a search pays the swarm the probability of success that
 # it adds, which is less noisy than a find.
 MISSION = {"mission": "coverage"}
-LEARNING_RATE, ENTROPY = 1.5e-3, 0.001  # of PPO
+LEARNING_RATE, ENTROPY = 1.5e-3, 0.001  # of PPO; both fall to 0
 
 # The most drones in a swarm that share their rewards: all are paid the mean. VDN and QMIX divide
 # the value of the swarm among its drones. Other algorithms learn faster from a drone's own
@@ -59,17 +59,14 @@ warnings.filterwarnings("ignore", module="torch")  # how BenchMARL uses TorchRL
 
 
 class Annealing(Callback):
-    """Lets the learning rates fall to 0: of PPO from the start, of others in the second half."""
+    """Lets the learning rates and the bonus for entropy fall to 0."""
 
     def on_batch_collected(self, batch: TensorDictBase) -> None:
         experiment = self.experiment
         left = 1 - experiment.n_iters_performed / experiment.config.max_n_iters
-        if experiment.on_policy:
-            experiment.losses["drones"].entropy_coeff.fill_(ENTROPY * left)
-        else:
-            left = min(2 * left, 1.0)
+        experiment.losses["drones"].entropy_coeff.fill_(ENTROPY * left)
         for optimiser in experiment.optimizers["drones"].values():
-            optimiser.param_groups[0]["lr"] = experiment.config.lr * left
+            optimiser.param_groups[0]["lr"] = LEARNING_RATE * left
 
 
 class Curve(Callback):
@@ -137,8 +134,10 @@ def main() -> None:
     task = TASKS[options.task]
     drones = task.parameters["n_drones"]
     scale = drones / 2  # a drone's share of the success is the smaller, the more there are
+    callbacks = [Curve(options.out / "curve.csv")]
     if on_policy := algorithm.on_policy():
         algorithm.entropy_coef, algorithm.lmbda = ENTROPY, 0.95
+        callbacks.insert(0, Annealing())
     else:
         scale *= VALUE_SCALE
     rewards = {"shared_reward": drones <= SHARING[options.algorithm], "reward_scale": scale}
@@ -154,7 +153,7 @@ def main() -> None:
         critic_model_config=of_state if options.algorithm == "mappo" else None,
         seed=options.seed,
         config=make_config(options.out, options.steps, task, on_policy),
-        callbacks=[Annealing(), Curve(options.out / "curve.csv")],
+        callbacks=callbacks,
     )
     experiment.run()
     torch.save((options.algorithm, experiment.policy), options.out / "policy.pt")
