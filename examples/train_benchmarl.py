@@ -41,7 +41,7 @@ ALGORITHMS = {
 # In the coverage mission nobody is found: a search pays the swarm the probability of success that
 # it adds, which is less noisy than a find.
 MISSION = {"mission": "coverage"}
-LEARNING_RATE, ENTROPY = 1.5e-3, 0.001  # of PPO; both fall to 0
+LEARNING_RATE, ENTROPY = 1.5e-3, 0.001  # of PPO
 
 # The most drones in a swarm that share their rewards: all are paid the mean. VDN and QMIX divide
 # the value of the swarm among its drones. Other algorithms learn faster from a drone's own
@@ -59,14 +59,17 @@ warnings.filterwarnings("ignore", module="torch")  # how BenchMARL uses TorchRL
 
 
 class Annealing(Callback):
-    """Lets the learning rates and the bonus for entropy fall to 0."""
+    """Lets PPO's learning rates and bonus for entropy fall to 0, and IQL's rate from half-time."""
 
     def on_batch_collected(self, batch: TensorDictBase) -> None:
         experiment = self.experiment
         left = 1 - experiment.n_iters_performed / experiment.config.max_n_iters
-        experiment.losses["drones"].entropy_coeff.fill_(ENTROPY * left)
+        if experiment.on_policy:
+            experiment.losses["drones"].entropy_coeff.fill_(ENTROPY * left)
+        else:
+            left = min(2 * left, 1.0)
         for optimiser in experiment.optimizers["drones"].values():
-            optimiser.param_groups[0]["lr"] = LEARNING_RATE * left
+            optimiser.param_groups[0]["lr"] = experiment.config.lr * left
 
 
 class Curve(Callback):
@@ -96,7 +99,7 @@ class Trained(TrainedPolicy):
         super().__init__(logits(policy, scenario.n_drones), deterministic=greedy, view=view)
 
 
-def make_config(folder: Path, steps: int, task: Task, on_policy: bool) -> ExperimentConfig:
+def make_config(folder: Path, steps: int, task: Task, algorithm: str) -> ExperimentConfig:
     """BenchMARL's defaults, adapted to a small task and a CPU."""
     config, drones = ExperimentConfig.get_from_yaml(), task.parameters["n_drones"]
     batch = NUM_SWARMS * task.parameters["timestep_limit"]
@@ -105,13 +108,14 @@ def make_config(folder: Path, steps: int, task: Task, on_policy: bool) -> Experi
     config.on_policy_collected_frames_per_batch, config.checkpoint_at_end = batch, True
     config.on_policy_n_minibatch_iters, config.on_policy_minibatch_size = 4, 1000
     config.lr, config.clip_grad_val = LEARNING_RATE, 0.5
-    if not on_policy:
+    if not ALGORITHMS[algorithm].on_policy():
         config.off_policy_n_envs_per_worker = NUM_SWARMS
         config.off_policy_collected_frames_per_batch = batch
         config.off_policy_n_optimizer_steps = 100
-        # In steps of the swarm. A short memory forgets what other actions than the best lead to.
+        # In steps of the swarm. From a short memory, IQL forgets what other actions than the best
+        # lead to; VDN, whose drones share a value, needs what the others do now.
         config.off_policy_train_batch_size = 1024 // drones
-        config.off_policy_memory_size = 800_000 // drones
+        config.off_policy_memory_size = (800_000 if algorithm == "iql" else 200_000) // drones
         config.exploration_eps_end = 0.02
         config.exploration_anneal_frames = steps // 2
         config.lr, config.clip_grad_val = 5e-4, 5.0
@@ -135,11 +139,12 @@ def main() -> None:
     drones = task.parameters["n_drones"]
     scale = drones / 2  # a drone's share of the success is the smaller, the more there are
     callbacks = [Curve(options.out / "curve.csv")]
-    if on_policy := algorithm.on_policy():
+    if algorithm.on_policy():
         algorithm.entropy_coef, algorithm.lmbda = ENTROPY, 0.95
-        callbacks.insert(0, Annealing())
     else:
         scale *= VALUE_SCALE
+    if algorithm.on_policy() or options.algorithm == "iql":
+        callbacks.insert(0, Annealing())
     rewards = {"shared_reward": drones <= SHARING[options.algorithm], "reward_scale": scale}
     state = {"state": options.algorithm in ("mappo", "qmix")}
     layers = {"num_cells": [128, 128], "layer_class": nn.Linear, "activation_class": nn.Tanh}
@@ -152,7 +157,7 @@ def main() -> None:
         model_config=MlpConfig(**layers),
         critic_model_config=of_state if options.algorithm == "mappo" else None,
         seed=options.seed,
-        config=make_config(options.out, options.steps, task, on_policy),
+        config=make_config(options.out, options.steps, task, options.algorithm),
         callbacks=callbacks,
     )
     experiment.run()
