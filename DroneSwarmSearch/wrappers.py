@@ -104,10 +104,6 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
         """`observation_space` of every drone."""
         return {agent: self.observation_space(agent) for agent in self._names}
 
-    def _drones(self) -> NDArray[np.int32]:
-        """Every drone's (x, y), shape (n, 2)."""
-        return self._grid.coordinates.take(self._search.snapshot().cells, axis=0)
-
 
 class LayoutObservation(SearchWrapper):
     """Replaces each drone's observation by a layout of the current state.
@@ -229,7 +225,8 @@ class OtherDrones(SearchWrapper):
             self._spaces[agent] = spaces.Dict({**inner.spaces, "other_drones": others})
 
     def _observed(self, observations: Observations, infos: Infos) -> Observations:
-        others = self._drones()[self._others]
+        cells = self._search.snapshot().cells
+        others = self._grid.coordinates.take(cells, axis=0)[self._others]
         return {
             agent: {**observation, "other_drones": positions}
             for (agent, observation), positions in zip(observations.items(), others, strict=True)

@@ -27,7 +27,7 @@ import csv
 import io
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout
 from functools import cache
 from pathlib import Path
@@ -962,9 +962,6 @@ EXAMPLES = {
 }
 """The training examples and their names in the figure."""
 
-ALGORITHMS = "ippo", "mappo", "iql", "vdn", "qmix"
-"""The algorithms of the benchmark."""
-
 YARDSTICKS = "greedy-forecast", "greedy-posterior", "greedy-matrix", "random"
 
 
@@ -976,6 +973,17 @@ def yardsticks() -> dict[str, float]:
         name: evaluate(name, task, episodes=200, progress=False).success.value
         for name in YARDSTICKS
     }
+
+
+def show_success_over_steps(panels: Iterable[Axes]) -> None:
+    """Scale the axes of learning curves, which share that of the success."""
+    for axes in panels:
+        axes.set_xlim(0)
+        axes.set_ylim(0, 0.9)
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+        axes.grid()
 
 
 @figure("learning")
@@ -997,12 +1005,7 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
             known = ~np.isnan(columns["found"])
             steps, found = columns["steps"][known], moving_mean(columns["found"][known])
             axes.plot(steps, found, color=theme.series[0], linewidth=1.1, alpha=0.8)
-        axes.set_xlim(0)
-        axes.xaxis.set_major_locator(MaxNLocator(4))
-        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-        axes.grid()
-    panels[0, 0].set_ylim(0, 0.9)
-    panels[0, 0].yaxis.set_major_formatter(PercentFormatter(1.0))
+    show_success_over_steps(panels.flat)
     for axes in panels[1]:
         axes.set_xlabel("environment steps")
     lines = [Line2D([], [], color=theme.series[0], label="each seed")]
@@ -1025,7 +1028,7 @@ def benchmark(theme: Theme, sampling: Sampling) -> Figure:
         curves = [*csv.DictReader(file)]
     with (BENCHMARK / "results.csv").open(encoding="utf-8", newline="") as file:
         results = [*csv.DictReader(file)]
-    colours = dict(zip(ALGORITHMS, theme.series, strict=True))
+    colours = dict(zip(sorted({row["algorithm"] for row in curves}), theme.series, strict=True))
     levels = {"planner": "-.", "greedy-matrix": (0, (4, 2)), "random": ":"}
     for axes, task in zip(panels, TASKS, strict=True):
         axes.set_title(task)
@@ -1043,12 +1046,8 @@ def benchmark(theme: Theme, sampling: Sampling) -> Figure:
             axes.plot([*found], [*map(np.mean, values)], color=colour, linewidth=1.3)
             ends = [*map(min, values)], [*map(max, values)]
             axes.fill_between([*found], *ends, color=colour, alpha=0.2, linewidth=0)
-        axes.set(xlim=0, xlabel="environment steps")
-        axes.xaxis.set_major_locator(MaxNLocator(4))
-        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-        axes.grid()
-    panels[0].set_ylim(0, 0.9)
-    panels[0].yaxis.set_major_formatter(PercentFormatter(1.0))
+        axes.set_xlabel("environment steps")
+    show_success_over_steps(panels)
     lines = [
         *(Line2D([], [], color=colour, label=name.upper()) for name, colour in colours.items()),
         *(

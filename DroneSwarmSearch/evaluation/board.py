@@ -141,7 +141,7 @@ def leaderboard(
     how = episodes, seed, out, workers, ray, progress
     found = Leaderboard(evaluate_cases(cases, *how, bounded=named if bounds else []))
     for row in rows:
-        mean = mean_of(policy.success for policy in found.policies[row["name"]]).scaled(100.0)
+        mean = mean_of(result.success for result in found.policies[row["name"]]).scaled(100.0)
         if not mean.low - TOLERANCE <= float(row["success"]) <= mean.high + TOLERANCE:
             raise ValueError(
                 f"success of {row['name']} in submissions must be that of the rerun, "
