@@ -30,13 +30,30 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         pytest.skip("the sdist comes without pictures")
 
 
+QUICK = {
+    (joint_plan, "ENOUGH"): 1,
+    (choice, "GENERATIONS"): 3,
+    (planned_flights, "FIGURES"): 10_000,
+}
+GOOD = {(joint_plan, "ENOUGH"): 40, (planned_flights, "FIGURES"): planned_flights.FIGURES}
+"""Little work of the planners, and work that suffices for small searches and exact figures."""
+
+
+@pytest.fixture(autouse=True, scope="session")
+def quick_plans() -> Iterator[None]:
+    """Let the planners do little work."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in QUICK.items():
+            patch.setattr(*name, value)
+        yield
+
+
 @pytest.fixture(autouse=True)
-def quick_plans(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the planners do little work, except in tests of the quality of plans."""
-    if request.node.get_closest_marker("good_plans") is None:
-        monkeypatch.setattr(joint_plan, "ENOUGH", 1)
-        monkeypatch.setattr(choice, "GENERATIONS", 3)
-        monkeypatch.setattr(planned_flights, "FIGURES", 10_000)
+def good_plans(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the planners do more work in tests of the quality of plans."""
+    if request.node.get_closest_marker("good_plans") is not None:
+        for name, value in GOOD.items():
+            monkeypatch.setattr(*name, value)
 
 
 @pytest.fixture

@@ -84,7 +84,7 @@ def test_annealing_keeps_paths_legal_and_values_exact(
     plan = JointPlan(targets_of(of, worth=worth), 0, paths)
     value, fractions = plan.value(), []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("DroneSwarmSearch.planning.joint_plan.HOTTEST", heat)
+        patch.setattr("DroneSwarmSearch.planning.joint_plan.TRIES", ((heat, 1.0), (0.1, 0.5)))
         plan.anneal(0.02, np.random.default_rng(seed), report=fractions.append)
     assert plan.value() >= value - 1e-9
     assert plan.value() == pytest.approx(
@@ -104,11 +104,12 @@ def test_the_gain_of_a_trial_is_exact(
     of, paths, worth = plan_of
     rng = np.random.default_rng(seed)
     plan = JointPlan(targets_of(of, worth=worth), 0, paths)
+    factors = np.exp(rng.normal(size=2**18))
     for _ in range(5):
         begin = int(rng.integers(len(worth)))
         end = int(rng.integers(begin + 1, len(worth) + 1))
         before = plan.value()
-        gained, _ = plan.trial(begin, end, 1e3, np.exp(rng.normal(size=2**18)), rng)
+        gained, _ = plan.trial(begin, end, 1e3, factors, rng)
         assert plan.value() - before == pytest.approx(gained, abs=1e-5)  # in float32
         assert_legal(plan.paths, starts_of(of), of.scenario.grid_size)
 

@@ -295,7 +295,7 @@ def test_the_planner_first_looks_for_who_dies_first(first):
     curves[first] = [0.9] * 5 + [0.1]
     scenario = two_persons(*curves)
     matrix = BeliefTracker(scenario).matrix()
-    planner = PlannerPolicy(scenario, seconds=2.0)
+    planner = PlannerPolicy(scenario, seconds=0.3)
     (action,) = planner(observations([(2, 2)], matrix)).values()
     assert action == (Action.LEFT, Action.RIGHT)[first]
 

@@ -7,9 +7,6 @@ For gains G[t](c) of searching cell c in step t, the value of being in a cell is
 since a drone either searches its cell or moves by one cell in a step (R. Bellman, Dynamic
 Programming, 1957). One pass computes the values of all cells, for drones anywhere. A search may
 gain less right after one of the same cell, so there is a second value, of a cell just searched.
-
-Drones that search in flight take two steps to cross a cell: they search it in one step, which is
-why they *stay*, and may move in the next.
 """
 
 from __future__ import annotations

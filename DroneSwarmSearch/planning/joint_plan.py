@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -44,12 +44,10 @@ SHORTEST, LONGEST, LONGEST_LATER = 3, 30, 15
 STRENGTHS = (0.2, 0.5, 1.0)
 """Standard deviations of the logarithm of the factors that distort gains."""
 
-HOTTEST, COLDEST = 2.0, 0.02
-"""The first and the last temperature, in units of a plan's mean value per drone and step."""
-
-MILD, AGAIN = 0.1, 0.5
-"""Where that gains nothing, since the work is too little to come back from the heat: the first
-temperature of a second try, and its fraction of the work."""
+TRIES, COLDEST = ((2.0, 1.0), (0.1, 0.5)), 0.02
+"""The first temperature of each try and its work as a fraction of `seconds`, and the last
+temperature; in units of a plan's mean value per drone and step. The best try counts: some searches,
+such as those with a fast drift, do not come back from the heat."""
 
 TOGETHER = 4
 """The most drones in a trial without pairs."""
@@ -64,11 +62,12 @@ NOISE = 2**18
 """Random factors that are drawn once, and used from a random place on in every trial."""
 
 ENOUGH = 200
-"""The most trials for each step of a drone; more improve small searches no further."""
+"""The most trials for each step of a drone, times the fraction in `TRIES`; more improve small
+searches no further."""
 
 TRIAL_COST, STEP_COST, VALUE_COST = 260e-6, 150e-6, 18e-9
 """The time of a trial, of each of its steps and of each mass of a candidate, in seconds, on a busy
-machine; an idle one takes about two thirds of it."""
+machine. An idle one takes two thirds of it, and so about `seconds` for all tries."""
 
 
 class JointPlan:
@@ -99,32 +98,37 @@ class JointPlan:
         rng: np.random.Generator,
         report: Report = lambda fraction: None,
     ) -> None:
-        """Improve the plan by some work, given as the time that it takes on a common computer.
-
-        If the first try gains nothing, a second one, without reports, takes half as long again.
-        """
+        """Improve the plan by some work, given as the time that it takes on an idle machine."""
         noise = rng.normal(size=NOISE).astype(np.float32)
         noises = [np.exp(strength * noise) for strength in STRENGTHS]
-        if not self._cool(HOTTEST, seconds, noises, rng, report):
-            self._cool(MILD, AGAIN * seconds, noises, rng)
+        start, found = copy.deepcopy(self.paths), []
+        before, total = 0.0, sum(share for _, share in TRIES)
+        for hottest, share in TRIES:
+            self._replace(range(len(start)), 0, start)
+            for done in self._cool(hottest, share, seconds, noises, rng):
+                report((before + share * done) / total)
+            before += share
+            found.append((self.value(), copy.deepcopy(self.paths)))
+        best = max(found, key=lambda one: one[0])
+        self._replace(range(len(start)), 0, best[1])
 
     def _cool(
         self,
         hottest: float,
+        share: float,
         seconds: float,
         noises: Sequence[Floats],
         rng: np.random.Generator,
-        report: Report = lambda fraction: None,
-    ) -> bool:
-        """Anneal from a temperature; returns whether the plan is better."""
+    ) -> Iterator[float]:
+        """Anneal from a temperature, and keep the best paths; yields the fraction completed."""
         begin, direction = 0, 1
-        value = most = start = self.value()
+        value = most = self.value()
         best = copy.deepcopy(self.paths)
         drone_steps = len(best) * self._steps
         unit = max(value, 1e-9) / drone_steps
         done = 0.0 if seconds else 1.0
         while done < 1.0:
-            report(done)
+            yield done
             temperature = unit * hottest * (COLDEST / hottest) ** done
             longest = LONGEST if done < 0.5 else LONGEST_LATER
             length = round(SHORTEST * (longest / SHORTEST) ** rng.random())
@@ -133,7 +137,7 @@ class JointPlan:
             factors = noises[int(rng.integers(len(noises)))]
             gained, took = self.trial(begin, begin + length, temperature, factors, rng)
             value += gained
-            done += max(took / seconds, 1.0 / (ENOUGH * drone_steps))
+            done += max(took / seconds, 1.0 / (ENOUGH * drone_steps)) / share
             if value > most + 1e-9:
                 most = value
                 best = copy.deepcopy(self.paths)
@@ -141,7 +145,6 @@ class JointPlan:
             if not 0 <= begin <= self._steps - length:
                 direction = -direction
         self._replace(range(len(best)), 0, best)
-        return most > start
 
     def trial(
         self, begin: int, end: int, temperature: float, factors: Floats, rng: np.random.Generator

@@ -71,8 +71,8 @@ class PlannerPolicy(OpenLoopPolicy):
 
     Args:
         scenario: the parameters of every search to steer.
-        seconds: the work to improve a plan, in seconds of CPU time on a busy machine; an idle core
-            takes about two thirds of it.
+        seconds: the work to improve a plan, in seconds of CPU time on an idle core; a busy one
+            takes up to twice as long.
 
     Raises:
         TypeError: `scenario` is not a `Scenario`, or `seconds` is not a number.
