@@ -21,6 +21,7 @@ from benchmarl.experiment import Callback, Experiment, ExperimentConfig
 from benchmarl.models.mlp import MlpConfig
 from tensordict import TensorDictBase
 from torch import nn
+from training_script import begin, finish
 
 from DroneSwarmSearch import Scenario, training
 from DroneSwarmSearch.adapters import TrainedPolicy
@@ -127,7 +128,7 @@ def make_config(folder: Path, steps: int, task: Task, algorithm: str) -> Experim
 
 def main() -> None:
     critics = "IPPO's critic sees the drone's observation, MAPPO's and QMIX's mixer the state"
-    options = training.begin(
+    options = begin(
         "Train drones with BenchMARL.",
         algorithm={"choices": list(ALGORITHMS), "default": "ippo", "help": critics},
         task={"choices": list(TASKS), "default": "small", "help": "of the benchmark"},
@@ -163,7 +164,7 @@ def main() -> None:
     experiment.run()
     torch.save((options.algorithm, experiment.policy), options.out / "policy.pt")
     trained = f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}"
-    training.finish(trained, f"benchmarl-{options.algorithm}", options, task=task)
+    finish(trained, f"benchmarl-{options.algorithm}", options, task=task)
 
 
 if __name__ == "__main__":

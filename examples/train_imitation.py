@@ -35,6 +35,7 @@ from drawn_searches import draw_searches, held_out_searches, mean_success
 from expected_searches import ExpectedSearches
 from numpy.typing import NDArray
 from torch import nn
+from training_script import begin
 
 from DroneSwarmSearch import Action, Scenario, training
 from DroneSwarmSearch.bound.paths import Path as DronePath
@@ -303,7 +304,7 @@ def train(options: argparse.Namespace) -> Path:
 
 
 def main() -> None:
-    options = training.begin(
+    options = begin(
         'Train the policy "imitation" on random searches.',
         rounds={"type": int, "default": 3, "help": "of planning and learning"},
         searches={"type": int, "default": 400, "help": "to plan in each round"},

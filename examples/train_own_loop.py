@@ -23,6 +23,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
+from training_script import begin
 
 from DroneSwarmSearch import Action, RewardScheme, Scenario, training
 from DroneSwarmSearch.adapters import TrainedPolicy
@@ -222,7 +223,7 @@ def baselines(searches: list[NamedSearch]) -> list[Evaluation]:
 
 
 def main() -> None:
-    options = training.begin(
+    options = begin(
         "Train drones with PPO in one file of PyTorch.",
         "checkpoint.pt",
         steps={"type": int, "default": 16_000_000, "help": "environment steps in all"},

@@ -23,6 +23,7 @@ from ray.rllib.algorithms.ppo import PPOConfig
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
+from training_script import begin, finish
 
 from DroneSwarmSearch import Scenario, training
 from DroneSwarmSearch.adapters import TrainedPolicy, rllib
@@ -98,7 +99,7 @@ def train(options: argparse.Namespace) -> None:
 
 def main() -> None:
     number = {"type": int, "metavar": "N"}
-    options = training.begin(
+    options = begin(
         "Train drones with RLlib's PPO.",
         num_env_runners={"default": 0, "help": "remote env runners", **number},
         num_envs={"default": 64, "help": "searches of each runner", **number},
@@ -113,7 +114,7 @@ def main() -> None:
     finally:
         ray.shutdown()
     trained = f"{relpath(__file__)}:Trained:{options.out / 'checkpoint'}"
-    training.finish(trained, "rllib-ppo", options)
+    finish(trained, "rllib-ppo", options)
 
 
 if __name__ == "__main__":

@@ -19,8 +19,8 @@ from sb3_contrib import MaskablePPO
 from stable_baselines3.common.callbacks import CheckpointCallback
 from stable_baselines3.common.logger import CSVOutputFormat, Logger
 from stable_baselines3.common.vec_env import VecMonitor
+from training_script import begin, finish
 
-from DroneSwarmSearch import training
 from DroneSwarmSearch.adapters.sb3 import LogSuccess, SB3Policy, SB3VecEnv
 from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TRAINING_TASK
@@ -83,14 +83,14 @@ def train(options: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    options = training.begin(
+    options = begin(
         "Train drones with MaskablePPO of sb3-contrib.",
         "model*.zip",
         steps={"type": int, "default": 400_000, "help": "environment steps in all"},
     )
     torch.set_num_threads(options.threads)
     train(options)
-    training.finish(
+    finish(
         f"{relpath(__file__)}:Trained:{options.out / 'model.zip'}",  # samples, as in training
         "maskable-ppo",
         options,

@@ -19,6 +19,7 @@ from tianshou.algorithm.optim import AdamOptimizerFactory
 from tianshou.data import Collector, VectorReplayBuffer
 from tianshou.utils.net.common import Net
 from tianshou.utils.torch_utils import policy_within_training_step
+from training_script import begin, finish
 
 from DroneSwarmSearch import Scenario, training
 from DroneSwarmSearch.adapters import TrainedPolicy, tianshou
@@ -105,7 +106,7 @@ def train(options: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    options = training.begin(
+    options = begin(
         "Train drones with Tianshou's PPO.",
         num_envs={"type": int, "default": 64, "help": "searches in the batch"},
         steps={"type": int, "default": 300_000, "help": "environment steps in all"},
@@ -113,7 +114,7 @@ def main() -> None:
     torch.set_num_threads(options.threads)
     train(options)
     trained = f"{relpath(__file__)}:Trained:{options.out / 'model.pt'}"
-    training.finish(trained, "tianshou-ppo", options)
+    finish(trained, "tianshou-ppo", options)
 
 
 if __name__ == "__main__":

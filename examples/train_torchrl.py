@@ -20,6 +20,7 @@ from torchrl.collectors import Collector
 from torchrl.envs import RewardSum, TransformedEnv
 from torchrl.modules import MLP
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
+from training_script import begin, finish
 
 from DroneSwarmSearch import Action, Scenario, training
 from DroneSwarmSearch.adapters import TrainedPolicy
@@ -86,7 +87,7 @@ class Trained(TrainedPolicy):
 
 def main() -> None:
     sees = "sees the drone's observation, or also the state"
-    options = training.begin(
+    options = begin(
         "Train drones with TorchRL's PPO.",
         critic={"choices": ["local", "central"], "default": "local", "help": sees},
         steps={"type": int, "default": 400_000, "help": "environment steps in all"},
@@ -130,7 +131,7 @@ def main() -> None:
         torch.save(policy.state_dict(), options.out / "policy.pt")
     collector.shutdown()
     trained = f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}"
-    training.finish(trained, "torchrl-ppo", options)
+    finish(trained, "torchrl-ppo", options)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from trainer_examples import module
 
 from DroneSwarmSearch import Action, Scenario, cli, training
 from DroneSwarmSearch.adapters import TrainedPolicy
@@ -17,6 +18,8 @@ from DroneSwarmSearch.evaluation import View, evaluate, search
 from DroneSwarmSearch.training.curve import read_columns
 
 ROOT = Path(__file__).parents[1]
+
+begin: Any = module("training_script").begin
 
 
 def test_rows_are_appended_and_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -170,12 +173,12 @@ def test_scripts_begin_in_a_new_folder_or_resume(
     steps = {"type": int, "default": 7, "help": "in all"}
     if message:
         with pytest.raises(SystemExit):
-            training.begin("Train.", "model*.zip", steps=steps)
+            begin("Train.", "model*.zip", steps=steps)
         assert message in capsys.readouterr().err
         return
-    options = training.begin("Train.", "model*.zip", steps=steps)
+    options = begin("Train.", "model*.zip", steps=steps)
     assert options.steps == (3 if files is None else 7) and Path("runs").is_dir()
     assert (options.seed, options.threads, options.episodes) == (0, 1, 1000)
     monkeypatch.setattr(sys, "argv", ["train.py", "--out", "runs"])
     with pytest.raises(SystemExit):
-        training.begin("Train.")
+        begin("Train.")

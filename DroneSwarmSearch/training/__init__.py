@@ -5,16 +5,13 @@ The module is independent of any RL library.
 
 from DroneSwarmSearch.training.comparison import compare_with_baselines
 from DroneSwarmSearch.training.curve import log_row, plot_curve
-from DroneSwarmSearch.training.script import begin, finish
 from DroneSwarmSearch.training.tasks import TASKS, TRAINING_TASK, Task
 
 __all__ = [
     "TASKS",
     "TRAINING_TASK",
     "Task",
-    "begin",
     "compare_with_baselines",
-    "finish",
     "log_row",
     "plot_curve",
 ]

@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from DroneSwarmSearch.training.comparison import compare_with_baselines
-from DroneSwarmSearch.training.curve import plot_curve
-from DroneSwarmSearch.training.tasks import TASKS, Task
+from DroneSwarmSearch.training import TASKS, Task, compare_with_baselines, plot_curve
 
 
 def begin(
