@@ -19,9 +19,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Ints
 
-LARGEST_EXACT = 2**53
-"""The largest number up to which all integers are exact as floats."""
-
+LARGEST_EXACT = 2**53  # the largest number up to which all integers are exact as floats
 _TEXT = (str, bytes, bytearray)  # sequences that never count as numbers
 
 

@@ -14,8 +14,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 
-_LARGEST = 6.0
-"""erf rounds to 1 from here on."""
+_LARGEST = 6.0  # erf rounds to 1 from here on
 
 _PER_UNIT = 1024
 """Points per unit, a power of two so that points are exact. The omitted terms of the polynomial

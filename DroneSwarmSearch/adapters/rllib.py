@@ -30,8 +30,7 @@ __all__ = ["DroneBatch", "MaskedPPOModule", "log_success", "logits"]
 OBSERVATION, ACTION_MASK = "observation", "action_mask"
 """The keys of masked observations."""
 
-SEED_STRIDE = 10**9
-"""The distance between the seeds of env runners."""
+SEED_STRIDE = 10**9  # the distance between the seeds of env runners
 
 
 class DroneBatch(VectorWrapper):

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.layouts.view import View
 
-LEAST_LOGIT = -1e9
-"""The logit of masked actions; their probability is 0 in float32."""
+LEAST_LOGIT = -1e9  # the logit of masked actions; their probability is 0 in float32
 
 
 class TrainedPolicy:

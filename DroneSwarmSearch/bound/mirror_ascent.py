@@ -19,8 +19,7 @@ from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.bound.memory import RememberingDrones
 from DroneSwarmSearch.bound.objectives import TrajectoryObjective
 
-BATCH = 16384
-"""Trajectories in a batch of a sample."""
+BATCH = 16384  # trajectories in a batch of a sample
 
 STEP_SIZE, SLOWER = 20.0, 0.03
 """The step size for one drone that gains 1 from the first tangent; its decrease per iteration."""
@@ -28,14 +27,9 @@ STEP_SIZE, SLOWER = 20.0, 0.03
 WIDTHS = 0.2, 0.05
 """Half the width over which corners are rounded off, in searches: first and least."""
 
-WIDTH_HALF_LIFE = 80.0
-"""After this many iterations, the width is half of the first."""
-
-RECENT = 3
-"""The mean of the tangents has weights that grow with this power of the iteration."""
-
-CHECKS = 4
-"""How often the method compares the bound with the value, and may stop."""
+WIDTH_HALF_LIFE = 80.0  # after this many iterations, the width is half of the first
+RECENT = 3  # the mean of the tangents has weights that grow with this power of the iteration
+CHECKS = 4  # how often the method compares the bound with the value, and may stop
 
 
 class BestMixture(NamedTuple):

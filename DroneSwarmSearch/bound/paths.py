@@ -19,8 +19,7 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch.core.grid import neighbours_in_box
 
-FORBIDDEN = -np.inf
-"""The value of a cell that a drone must not be in."""
+FORBIDDEN = -np.inf  # the value of a cell that a drone must not be in
 
 
 class Path(NamedTuple):

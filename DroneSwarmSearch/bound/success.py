@@ -62,8 +62,7 @@ SAMPLE = 2**18
 CONFIDENCE = 0.999
 """Probability that a sampled bound holds, for all persons and numbers of steps together."""
 
-BEFORE = 0.1
-"""The share of the failure probability that is for fewer steps than the time limit."""
+BEFORE = 0.1  # the share of the failure probability that is for fewer steps than the time limit
 
 HORIZONS = 12
 """Numbers of steps for which the bound is computed; the others use the next larger one's."""
@@ -71,11 +70,8 @@ HORIZONS = 12
 WORK, MOST_WORK, TRAJECTORIES_TO_MEASURE = 8e6, 5e8, 8192
 """The most work in an iteration, and for the final bound, estimated from some trajectories."""
 
-MOST_MEMORY = 5
-"""The most remembered actions; 6 take gigabytes."""
-
-MOST_CELLS = 2**28
-"""The most cells of all trajectories in a sample, which then take about 7 GB."""
+MOST_MEMORY = 5  # the most remembered actions; 6 take gigabytes
+MOST_CELLS = 2**28  # the most cells of all trajectories in a sample, which then take about 7 GB
 
 ITERATIONS, ITERATIONS_BEFORE, CHAIN_ITERATIONS = 800, 12, 40
 """The most iterations for the time limit, for fewer steps, and without trajectories."""

@@ -15,17 +15,13 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints
 
-Cell = tuple[int, int]
-"""(x, y): column and row."""
+Cell = tuple[int, int]  # (x, y): column and row
 
 MOVES: tuple[Cell, ...] = ((-1, 0), (1, 0), (0, -1), (0, 1))
 """The steps (x, y) of the moves: left, right, up and down."""
 
-WAITING = 2
-"""The actions after the moves that leave a drone in its cell: to search, and to idle."""
-
-OFF_GRID = -1
-"""The target of a move that leaves the grid."""
+WAITING = 2  # the actions after the moves that leave a drone in its cell: to search, and to idle
+OFF_GRID = -1  # the target of a move that leaves the grid
 
 Entry = TypeVar("Entry")
 

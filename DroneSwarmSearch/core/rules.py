@@ -76,11 +76,8 @@ _DESCRIPTIONS = {
     Ending.COVERED: "less than 1% was left to find",
 }
 
-COVERED_AT = 0.99
-"""The coverage mission ends above this probability of success."""
-
-_LARGEST = 1e100
-"""The largest figure of a scheme."""
+COVERED_AT = 0.99  # the coverage mission ends above this probability of success
+_LARGEST = 1e100  # the largest figure of a scheme
 
 
 @dataclass(frozen=True)

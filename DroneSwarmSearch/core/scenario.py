@@ -19,8 +19,7 @@ from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.models import drift_model
 from DroneSwarmSearch.drift.persons import Person
 
-_DRONE_BYTES = 900
-"""Approximate memory of one drone during an episode, including its observations."""
+_DRONE_BYTES = 900  # approximate memory of one drone during an episode, including its observations
 
 REPLACED = ("vector", "person_initial_position", "disperse_constant", "probability_of_detection")
 """The parameters whose place `persons` takes."""

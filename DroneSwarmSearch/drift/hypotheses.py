@@ -16,11 +16,8 @@ from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.drift.known import KnownDrift
 
-MAX_DIFFUSION = 2 / 3
-"""The variance of a step to one of three adjacent cells at random."""
-
-_LARGE = 1e300
-"""Stands for larger numbers, so that differences of two of them stay finite."""
+MAX_DIFFUSION = 2 / 3  # the variance of a step to one of three adjacent cells at random
+_LARGE = 1e300  # stands for larger numbers, so that differences of two of them stay finite
 
 _ROUNDING = 1e-12
 

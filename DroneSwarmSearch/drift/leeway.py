@@ -49,14 +49,12 @@ Pair = tuple[float, float]
 KNOT = 1852 / 3600
 """One knot in m/s."""
 
-_PARTS = 32
-"""Of the time adrift, in which objects may jibe."""
+_PARTS = 32  # of the time adrift, in which objects may jibe
 
 _FEWEST_JIBES, _MOST_JIBES = 0.01, 50.0
 """Expected before the search; fewer are left out, and more change the position no further."""
 
-_FASTEST = 1000.0
-"""The highest speed of a wind in m/s."""
+_FASTEST = 1000.0  # the highest speed of a wind in m/s
 
 _UNTRUNCATED = 40.0
 """Standard deviations below the mean at which truncation has no effect in floats."""

@@ -12,8 +12,7 @@ from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.drift.tracks import TrackDrift
 
-MOST_BEYOND = 0.01
-"""The share of tracks off the grid above which there is a warning."""
+MOST_BEYOND = 0.01  # the share of tracks off the grid above which there is a warning
 
 
 @singledispatch

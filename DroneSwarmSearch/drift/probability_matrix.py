@@ -33,8 +33,7 @@ CACHE_BYTES = 16 * 2**20
 _BLOCK_STEPS = 32
 _BLOCK_BYTES = 4 * 2**20
 
-_MATRICES_BYTES = 2**28
-"""The largest transition matrices that a forecast keeps."""
+_MATRICES_BYTES = 2**28  # the largest transition matrices that a forecast keeps
 
 
 class _Block(NamedTuple):

@@ -16,11 +16,8 @@ from DroneSwarmSearch.drift.scale import Scale
 
 Pair = tuple[float, float]
 
-USUAL = {"lon": "longitude", "lat": "latitude"}
-"""Names of variables without a standard name."""
-
-MOST_LOST = 0.1
-"""The largest share of lost tracks: nobody knows what became of them."""
+USUAL = {"lon": "longitude", "lat": "latitude"}  # names of variables without a standard name
+MOST_LOST = 0.1  # the largest share of lost tracks: nobody knows what became of them
 
 
 def positions(

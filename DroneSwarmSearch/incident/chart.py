@@ -27,8 +27,7 @@ PAGE, SHEET = np.array([[595.0, 842.0], [515.0, 470.0]])  # the page and the map
 PER_SHEET = 6
 """The most drones whose flights are told apart on a sheet; more are drawn on further sheets."""
 
-WIDER = 1.6
-"""A place is only on the map if it does not become so many times as wide."""
+WIDER = 1.6  # a place is only on the map if it does not become so many times as wide
 
 DASHES = (9, 0), (5, 1.6), (1.2, 1), (7, 1.4, 1.2, 1.4), (2.6, 1.2), (7, 1.4, 1.2, 1.4, 1.2, 1.4)
 STEPS = np.array([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800])

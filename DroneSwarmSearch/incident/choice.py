@@ -24,8 +24,7 @@ from DroneSwarmSearch.incident.patterns import (
 )
 from DroneSwarmSearch.incident.report import Report
 
-POPULATION, GENERATIONS = 8, 25
-"""Of a run of CMA-ES."""
+POPULATION, GENERATIONS = 8, 25  # of a run of CMA-ES
 
 SAMPLES, STARTS = 64, 3
 """Patterns drawn at random for a drone, and how many of the best ones are improved."""
@@ -33,11 +32,8 @@ SAMPLES, STARTS = 64, 3
 FIRST, LATER = 0.4, 0.15
 """The standard deviations with which CMA-ES begins: from drawn patterns, and from chosen ones."""
 
-SHARES = 0.7, 0.15, 0.15
-"""How often each kind of pattern is drawn."""
-
-TRIES = 10
-"""How many patterns are drawn for each that can be flown, before the incident is refused."""
+SHARES = 0.7, 0.15, 0.15  # how often each kind of pattern is drawn
+TRIES = 10  # how many patterns are drawn for each that can be flown, before the incident is refused
 
 
 class Guess(NamedTuple):

@@ -38,11 +38,8 @@ LEVEL = {"current": 0.0, "wind": 10.0}
 
 METRES_PER_SECOND = "m s-1", "m/s", "m s^-1", "m.s-1", "ms-1", "m s**-1", "meter second-1", "1"
 
-WITHIN = 3.0
-"""Degrees of latitude around the position that are read."""
-
-MOST_OUTSIDE = 0.01
-"""The largest share of places off the field; they get the values at its edge."""
+WITHIN = 3.0  # degrees of latitude around the position that are read
+MOST_OUTSIDE = 0.01  # the largest share of places off the field; they get the values at its edge
 
 
 @dataclass(frozen=True, eq=False)

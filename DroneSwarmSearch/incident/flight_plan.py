@@ -16,8 +16,7 @@ from DroneSwarmSearch.incident.flights import Waypoint
 from DroneSwarmSearch.incident.planned_flights import PlannedFlights
 from DroneSwarmSearch.incident.report import APART, Report
 
-FEW, MANY = 2_000, 8_000
-"""Particles for the first choice of patterns, and to improve them."""
+FEW, MANY = 2_000, 8_000  # particles for the first choice of patterns, and to improve them
 
 
 class FlightPlan(PlannedFlights):

@@ -30,8 +30,7 @@ class Waypoint(NamedTuple):
     searching: bool
 
 
-Flight = Sequence[Waypoint]
-"""The waypoints of one drone, in the order of their times."""
+Flight = Sequence[Waypoint]  # the waypoints of one drone, in the order of their times
 
 
 def in_utc(name: str, value: object) -> datetime:

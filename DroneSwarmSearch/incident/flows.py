@@ -24,8 +24,7 @@ Pair = tuple[float, float]
 FASTEST = {"wind": 60.0, "current": 5.0}
 """In m/s; beyond, a figure was probably given in another unit."""
 
-FILES = ".csv", ".nc", ".nc4", ".cdf"
-"""By which winds and currents in files are recognised."""
+FILES = ".csv", ".nc", ".nc4", ".cdf"  # by which winds and currents in files are recognised
 
 
 def series(flow: Any) -> Callable[[Any], Floats]:

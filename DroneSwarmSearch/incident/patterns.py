@@ -13,14 +13,9 @@ from DroneSwarmSearch._internal.arrays import Floats
 PARALLEL, SQUARE, SECTOR = KINDS = "parallel track", "expanding square", "sector search"
 """Of the IAMSAR Manual, volume II, chapter 5."""
 
-SLOWEST = 0.1
-"""Of the airspeed; drones that are slower over the ground make no headway in gusts."""
-
-SETTLED = 0.05
-"""Seconds: so exact are times that depend on a wind that depends on them."""
-
-POINTS_PER_HOUR, FEWEST_POINTS = 50, 42
-"""The most points of a pattern."""
+SLOWEST = 0.1  # of the airspeed; drones that are slower over the ground make no headway in gusts
+SETTLED = 0.05  # seconds: so exact are times that depend on a wind that depends on them
+POINTS_PER_HOUR, FEWEST_POINTS = 50, 42  # the most points of a pattern
 
 
 @dataclass(frozen=True)

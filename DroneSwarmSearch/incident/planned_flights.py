@@ -18,8 +18,7 @@ from DroneSwarmSearch.incident.particles import Particles
 from DroneSwarmSearch.incident.patterns import PARALLEL, SECTOR, SQUARE, Pattern
 from DroneSwarmSearch.incident.report import Report
 
-FIGURES = 40_000
-"""The number of particles of all figures."""
+FIGURES = 40_000  # the number of particles of all figures
 
 
 @dataclass(frozen=True, eq=False)

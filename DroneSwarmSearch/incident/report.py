@@ -38,8 +38,7 @@ WIND_EXPONENT = 0.11
 """Winds over the open sea grow with height z as (z / 10 m)^0.11: S. Hsu, E. Meindl, D. Gilhousen,
 J. Appl. Meteor. 33:757 (1994)."""
 
-APART = 20.0
-"""Metres of height between drones."""
+APART = 20.0  # metres of height between drones
 
 SHORTEST_STEP, MOST_STEPS = 15.0, 400
 """Of the particles during flights, in seconds; and how many there are."""

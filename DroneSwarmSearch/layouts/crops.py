@@ -14,17 +14,13 @@ from gymnasium import spaces
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch.layouts.layout import Layout, Positions
 
-WINDOW = 5
-"""Boxes along each side of a window; odd, so that the drone is in the middle box."""
+WINDOW = 5  # boxes along each side of a window; odd, so that the drone is in the middle box
 
 SCALES = (1, 3, 9, 27)
 """Cells along each side of a box, for each window; odd, so that the drone is in the middle."""
 
-LENGTH = 2 * len(SCALES) * WINDOW**2 + 2
-"""The length of an observation."""
-
-_LEAST_MAXIMUM = 1e-6
-"""Smaller maxima of a matrix are shown as this one."""
+LENGTH = 2 * len(SCALES) * WINDOW**2 + 2  # the length of an observation
+_LEAST_MAXIMUM = 1e-6  # smaller maxima of a matrix are shown as this one
 
 _CHUNK_DRONES = 1000
 """Drones processed at once, so that temporary arrays fit a cache. Not a power of two, because

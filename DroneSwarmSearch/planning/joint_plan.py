@@ -49,8 +49,7 @@ TRIES, COLDEST = ((2.0, 1.0), (0.1, 0.5)), 0.02
 temperature; in units of a plan's mean value per drone and step. The best try counts: some searches,
 such as those with a fast drift, do not come back from the heat."""
 
-TOGETHER = 4
-"""The most drones in a trial without pairs."""
+TOGETHER = 4  # the most drones in a trial without pairs
 
 PAIRS, EXCHANGES = 0.5, 0.5
 """The fractions of trials with pairs, and of pairs that may exchange the rest of their paths."""
@@ -58,8 +57,7 @@ PAIRS, EXCHANGES = 0.5, 0.5
 VALUES, FEWEST, MOST = 20000, 8, 32
 """Masses of all candidates of a trial together, and the fewest and the most candidates."""
 
-NOISE = 2**18
-"""Random factors that are drawn once, and used from a random place on in every trial."""
+NOISE = 2**18  # random factors that are drawn once, and used from a random place on in every trial
 
 ENOUGH = 200
 """The most trials for each step of a drone, times the fraction in `TRIES`; more improve small

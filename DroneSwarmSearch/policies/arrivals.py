@@ -27,20 +27,17 @@ from DroneSwarmSearch.policies.greedy import (
 NEAR, FAR = DISCOUNT, 0.9
 """Factors on success for each step of the way: for the best cell, and for a wider view."""
 
-STEPS = 32
-"""The most steps to look ahead; farther cells count as they will be in the last of them."""
+STEPS = 32  # the most steps to look ahead; farther cells count as they will be in the last of them
 
 LEAST = 1e-5
 """The least score of an action, relative to the best one's, that is distinguished from 0."""
 
-TINY = np.float32(1e-30)
-"""Replaces sums of 0 in denominators."""
+TINY = np.float32(1e-30)  # replaces sums of 0 in denominators
 
 TURNS = (Action.RIGHT, Action.DOWN, Action.LEFT, Action.UP)
 """The directions of the four views, each a quarter turn to the right of the one before."""
 
-NEAR_BORDER = 8
-"""Distances from the border, in cells, are distinguished up to this one."""
+NEAR_BORDER = 8  # distances from the border, in cells, are distinguished up to this one
 
 _BOXES = len(SCALES) * WINDOW**2
 _SCORES = LENGTH + 3 * _BOXES  # of the scores: groups of four directions and a fifth number
@@ -50,8 +47,7 @@ _BORDER = _DRIFT + 4
 _HEADING = _BORDER + 4
 _GLOBALS = _HEADING + 4
 
-INPUTS = _GLOBALS + 6
-"""The number of inputs."""
+INPUTS = _GLOBALS + 6  # the number of inputs
 
 BASELINE = (_SCORES, _SCORES + 4)
 """Two inputs: the forecast's greedy scores for flying straight ahead and for searching."""

@@ -18,17 +18,13 @@ from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.belief import Belief, shown_matrix
 
-MOST_SETS = 4096
-"""How many sets of found persons are compared with the matrix, smallest first."""
-
-HEADINGS = frozenset(map(Action, range(len(MOVES))))
-"""The actions that move a drone."""
+MOST_SETS = 4096  # how many sets of found persons are compared with the matrix, smallest first
+HEADINGS = frozenset(map(Action, range(len(MOVES))))  # the actions that move a drone
 
 FOLLOWED = 16
 """Steps for which an `Outlook` follows what a planned search finds; by then it has spread."""
 
-TOLERANCE = 1e-5
-"""Largest relative error of a matching matrix that went through another library."""
+TOLERANCE = 1e-5  # largest relative error of a matching matrix that went through another library
 
 
 class BeliefTracker:

@@ -23,14 +23,12 @@ from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
 from DroneSwarmSearch.policies.conflicts import ACTION_OF
 
-DISCOUNT = 0.7
-"""Factor on the value of a success for every step that it comes later."""
+DISCOUNT = 0.7  # factor on the value of a success for every step that it comes later
 
 CLAIMED = 1e-3
 """Factor on the value of a claimed cell; not zero, so drones without another one gather there."""
 
-FADING = 0.9
-"""Factor per step on the memory of a search, since the person may drift back."""
+FADING = 0.9  # factor per step on the memory of a search, since the person may drift back
 
 WORTHWHILE, WORTHWHILE_ON_ARRIVAL = 0.3, 0.2
 """The share of the best cell's success, now and on arrival, that targets need: drones that stop on
@@ -39,8 +37,7 @@ the wide flanks of a posterior reach the middle too late."""
 SLIGHT = 1e-20
 """Factor on the value of the other cells: enough to choose among them if all targets are taken."""
 
-LEAST = 1e-300
-"""Replaces a probability of 0, whose logarithm is infinite."""
+LEAST = 1e-300  # replaces a probability of 0, whose logarithm is infinite
 
 Floating = TypeVar("Floating", Floats, Singles)
 Claim = Callable[[int, Cell, Ints], Floats]

@@ -21,8 +21,7 @@ from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy
 from DroneSwarmSearch.policies.open_loop import Act, OpenLoopMemory, OpenLoopPolicy, PlanStep
 
-SAMPLES = 4
-"""Simulations with sampled actions before a search."""
+SAMPLES = 4  # simulations with sampled actions before a search
 
 TEMPERATURE = 0.5
 """Factor on the Gumbel noise of a sample: with 1 it follows the network's probabilities."""
@@ -30,8 +29,7 @@ TEMPERATURE = 0.5
 OUTPUTS = 2
 """Outputs of the network in each view: the scores of flying straight ahead and of searching."""
 
-DEFAULT_WEIGHTS = Path(__file__).with_name("imitation.npz")
-"""The packaged weights."""
+DEFAULT_WEIGHTS = Path(__file__).with_name("imitation.npz")  # the packaged weights
 
 
 class Network:

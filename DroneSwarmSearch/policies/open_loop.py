@@ -17,14 +17,9 @@ from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
-HORIZON = 500
-"""The most steps to plan at once, which bounds time and memory."""
-
-CACHED_PLANS = 4096
-"""The most plans to keep for other searches that reach the same situation."""
-
-PlanStep = tuple[list[Cell], list[int]]
-"""Every drone's cell, and its action there."""
+HORIZON = 500  # the most steps to plan at once, which bounds time and memory
+CACHED_PLANS = 4096  # the most plans to keep for other searches that reach the same situation
+PlanStep = tuple[list[Cell], list[int]]  # every drone's cell, and its action there
 
 Act = Callable[[BeliefTracker, list[Cell]], Sequence[int]]
 """Chooses the drones' actions, given the beliefs and their cells."""

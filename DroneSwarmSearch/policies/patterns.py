@@ -35,8 +35,7 @@ from DroneSwarmSearch.policies.pattern_tracks import (
 
 Route = list[Cell]
 
-STEPS_PER_CELL = 2
-"""Steps to search one more cell of a track: a move and a search."""
+STEPS_PER_CELL = 2  # steps to search one more cell of a track: a move and a search
 
 CELLS_PER_LENGTH = 4 / math.pi
 """Cells per unit of length along a line, the mean over all directions: |cos| + |sin|."""

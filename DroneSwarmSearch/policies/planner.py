@@ -39,11 +39,8 @@ EARLY_BONUS = 0.01
 """How much more a find in the first step is worth than one in the last, in the choice of paths; of
 several plans, the one with the largest probability of success wins, without the bonus."""
 
-SECONDS = 120.0
-"""The default work for a plan."""
-
-AFTER_FIND = 0.005
-"""The work for a plan after a find, as a fraction of that for the first plan."""
+SECONDS = 120.0  # the default work for a plan
+AFTER_FIND = 0.005  # the work for a plan after a find, as a fraction of that for the first plan
 
 INITIAL = (
     GreedyPolicy,

@@ -15,8 +15,7 @@ from DroneSwarmSearch.drift.model import Forecasts, over_layers
 _TILE_BYTES = 1600 * 2**10
 """The size of one person's beliefs in a tile: several such arrays fit into the cache."""
 
-_LEAST_ROWS, _MOST_ROWS = 64, 1024
-"""The fewest and the most rows in a tile."""
+_LEAST_ROWS, _MOST_ROWS = 64, 1024  # the fewest and the most rows in a tile
 
 
 class Beliefs:

@@ -45,11 +45,8 @@ Any of `vector`, `person_initial_position`, `disperse_constant` and `probability
 
 _SAMPLED = (*REPLACED, "persons", "drones_positions")
 
-_CATALOGUE_SIZE = 256
-"""The searches that a sampler draws at a time."""
-
-_USES = 4
-"""The episodes for each of them, on average, until others are drawn."""
+_CATALOGUE_SIZE = 256  # the searches that a sampler draws at a time
+_USES = 4  # the episodes for each of them, on average, until others are drawn
 
 
 @shows_keywords_of(Scenario)

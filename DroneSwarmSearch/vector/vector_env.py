@@ -26,8 +26,7 @@ from DroneSwarmSearch.vector.observations import BatchObservations, Observations
 Values = Any  # an array with a first axis for the sub-environments
 Infos = dict[str, Any]
 
-MASKS_IN = (None, "observation", "info")
-"""Where action masks may be."""
+MASKS_IN = (None, "observation", "info")  # where action masks may be
 
 _OPTIONS = ("situations", "situation", "drones_positions")
 """The options of `reset` that `SearchBatch.reset` takes."""
