@@ -200,19 +200,19 @@ def _print_evaluations(evaluations: Sequence[Evaluation], options: argparse.Name
     )
 
 
-def _columns(each: Evaluation, bound: bool, alive: bool) -> dict[str, str]:
-    columns = {"policy": each.policy, "search": each.search.name}
-    columns["POS, %" if each.is_coverage else "success, %"] = percent(each.success)
+def _columns(result: Evaluation, bound: bool, alive: bool) -> dict[str, str]:
+    columns = {"policy": result.policy, "search": result.search.name}
+    columns["POS, %" if result.is_coverage else "success, %"] = percent(result.success)
     if alive:
-        columns["alive, %"] = percent(each.success_alive)
-    columns["time, steps"] = figure(each.time)
-    if each.is_coverage:
-        columns["coverage, %"] = percent(each.coverage_rate)
-        columns["repetition, %"] = percent(each.repetition_rate)
+        columns["alive, %"] = percent(result.success_alive)
+    columns["time, steps"] = figure(result.time)
+    if result.is_coverage:
+        columns["coverage, %"] = percent(result.coverage_rate)
+        columns["repetition, %"] = percent(result.repetition_rate)
     else:
-        columns["return"] = f"{each.mean_return:,.0f}"
-    columns["crashes"] = str(each.endings[Ending.COLLISION] + each.endings[Ending.LEFT_GRID])
+        columns["return"] = f"{result.mean_return:,.0f}"
+    columns["crashes"] = str(result.endings[Ending.COLLISION] + result.endings[Ending.LEFT_GRID])
     if bound:
-        columns["bound, %"] = "-" if each.bound is None else f"{100 * each.bound.by_limit:.1f}"
-        columns["share of it, %"] = percent(each.share_of_bound)
+        columns["bound, %"] = "-" if result.bound is None else f"{100 * result.bound.by_limit:.1f}"
+        columns["share of it, %"] = percent(result.share_of_bound)
     return columns

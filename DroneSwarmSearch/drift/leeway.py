@@ -49,6 +49,9 @@ Pair = tuple[float, float]
 KNOT = 1852 / 3600
 """One knot in m/s."""
 
+DIFFUSIVITY = 5.0  # of the turbulent sea, in m²/s
+JIBING = 0.04  # the probability that an object changes sides in an hour
+
 _PARTS = 32  # of the time adrift, in which objects may jibe
 
 _FEWEST_JIBES, _MOST_JIBES = 0.01, 50.0
@@ -204,9 +207,9 @@ def person(
     position_sd: float = 0.0,
     wind: Pair | Mapping[float, Pair],
     current: Pair | Mapping[float, Pair] = (0.0, 0.0),
-    diffusivity: float = 5.0,
+    diffusivity: float = DIFFUSIVITY,
     adrift: float = 0.0,
-    jibing: float = 0.04,
+    jibing: float = JIBING,
     scale: Scale,
     probability_of_detection: float = 1.0,
     grid_size: int | None = None,

@@ -20,9 +20,7 @@ from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.files import write_bytes, write_text
 from DroneSwarmSearch.incident.flights import Flight, Waypoint, in_utc, track
 from DroneSwarmSearch.incident.planned_flights import PlannedFlights
-
-COLOURS = ["e69f00", "56b4e9", "009e73", "f0e442", "0072b2", "d55e00", "cc79a7", "000000"]
-"""Of drones, from M. Okabe and K. Ito, Color universal design, 2008."""
+from DroneSwarmSearch.rendering.palette import drone_colour
 
 MAP = 230, 0, 130
 """The colour of the probability: visible on a dark and on a light chart, and no drone's."""
@@ -107,7 +105,7 @@ def _kml(plan: PlannedFlights, overlays: dict[str, dict[str, float]]) -> ET.Elem
     known = _shape([plan.incident.position[::-1]], 0)
     _add(document, "Placemark", name="last known position", Point=known)
     for drone, flight in enumerate(plan.flights):
-        colour = "ff" + bytes.fromhex(COLOURS[drone % len(COLOURS)])[::-1].hex()
+        colour = "ff" + bytes(drone_colour(drone)[::-1]).hex()
         icon, line = {"color": colour, "scale": 0.5}, {"color": colour, "width": 2}
         style = {"IconStyle": icon, "LineStyle": line}
         folder = _add(document, "Folder", name=f"drone {drone}")

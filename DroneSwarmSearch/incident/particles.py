@@ -10,17 +10,11 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
-from DroneSwarmSearch.drift.leeway import ObjectClass
+from DroneSwarmSearch.drift.leeway import DIFFUSIVITY, JIBING, ObjectClass
 
 Flow = Callable[[Any, Floats], Floats]
 """The velocity of wind or water, (east, north) in m/s, (2, 1) or (2, n), at a time in seconds and
 positions in metres, (2, n); NaN on land."""
-
-DIFFUSIVITY = 5.0  # of the turbulent sea, in m²/s, as in `leeway.person`
-
-JIBING = 0.04
-"""The probability that an object changes sides in an hour: Breivik and Allen, J. Marine Syst. 69:99
-(2008), as in `leeway.person`."""
 
 LONGEST_STEP = 60.0  # of the simulation, in seconds
 

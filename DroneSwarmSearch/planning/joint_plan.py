@@ -35,9 +35,6 @@ from DroneSwarmSearch.core.grid import Grid
 from DroneSwarmSearch.planning.passes import Passes, Target
 from DroneSwarmSearch.planning.windows import Boxes, TargetWindow
 
-Report = Callable[[float], None]
-"""Is called from time to time with the completed fraction of some work."""
-
 SHORTEST, LONGEST, LONGEST_LATER = 3, 30, 15
 """Lengths of a replaced segment, in steps; the longest at first and in the second half."""
 
@@ -94,9 +91,12 @@ class JointPlan:
         self,
         seconds: float,
         rng: np.random.Generator,
-        report: Report = lambda fraction: None,
+        report: Callable[[float], object] = lambda fraction: None,
     ) -> None:
-        """Improve the plan by some work, given as the time that it takes on an idle machine."""
+        """Improve the plan by some work, given as the time that it takes on an idle machine.
+
+        `report` is told the share of the work that is done.
+        """
         noise = rng.normal(size=NOISE).astype(np.float32)
         noises = [np.exp(strength * noise) for strength in STRENGTHS]
         start, found = copy.deepcopy(self.paths), []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.planning.joint_plan import JointPlan, Report
+from DroneSwarmSearch.planning.joint_plan import JointPlan
 from DroneSwarmSearch.planning.passes import Target
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
@@ -108,7 +108,7 @@ class PlannerPolicy(OpenLoopPolicy):
         return [*plans, self._network.plan(tracker, cells)]
 
     def _improved(
-        self, tracker: BeliefTracker, initial: list[list[Path]], report: Report
+        self, tracker: BeliefTracker, initial: list[list[Path]], report: Callable[[float], object]
     ) -> list[Path]:
         """The paths of a plan at least as successful as all initial ones."""
         step, steps = tracker.step, self.horizon(tracker)

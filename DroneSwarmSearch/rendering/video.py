@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.rendering.palette import Look
@@ -62,15 +63,8 @@ def write_pictures(
     """
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"path must end in {' or '.join(SUFFIXES)}, got {str(path)!r:.100}")
-    try:
-        import imageio_ffmpeg
-    except ImportError as error:
-        raise ImportError(
-            "a video needs the package imageio_ffmpeg: "
-            'pip install "DroneSwarmSearchEnvironment[video]"',
-            name=error.name,
-        ) from error
-    ffmpeg = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "error"]
+    imageio = needed("imageio_ffmpeg", "a video needs the package imageio_ffmpeg", "video")
+    ffmpeg = [imageio.get_ffmpeg_exe(), "-y", "-v", "error"]
     left = iter(pictures)
     first = next(left)
     height, width, _ = first.shape
