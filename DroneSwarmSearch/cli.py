@@ -43,9 +43,9 @@ compared with theirs at the end.
     "plan": """\
 plan flights for an incident: waypoints, files for maps, a printed map
 
-Plan where drones fly to find somebody who drifts at sea. The folder holds the
-plan as GPX, KML, GeoJSON and CSV, a map to print, and incident.json to run it
-again.
+Plan where drones fly to find somebody who drifts at sea. The folder holds a
+mission for each drone's autopilot; the plan as GPX, KML, GeoJSON and CSV; a map
+to print; and incident.json, to run it again.
 
 examples:
   droneswarmsearch plan --position 54.18 7.85 --time 2026-03-01T05:30Z \\
