@@ -95,6 +95,25 @@ def test_annealing_keeps_paths_legal_and_values_exact(
     assert 0.0 <= fractions[0] <= fractions[-1] < 1.0
 
 
+def test_the_better_try_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whichever comes first; one with hardly any work gains little."""
+    of = search(
+        [(0, 0), (11, 11)], grid_size=12, timestep_limit=24,
+        person_initial_position=(5, 6), vector=(0.2, -0.1), disperse_constant=5,
+    )  # fmt: skip
+    little, much = (0.1, 0.02), (0.1, 1.0)
+
+    def found(*tries: tuple[float, float]) -> float:
+        monkeypatch.setattr("DroneSwarmSearch.planning.joint_plan.TRIES", tries)
+        plan = JointPlan(targets_of(of, worth=np.ones(24)), 0, random_paths(of, 24, 0))
+        plan.anneal(0.3, np.random.default_rng(0))
+        return plan.value()
+
+    assert found(much) > found(little) + 0.05
+    assert found(much, little) >= found(much)
+    assert found(little, much) > found(little) + 0.05
+
+
 @settings(max_examples=40, derandomize=True)
 @given(plans(most_steps=9), st.integers(0, 2**32))
 def test_the_gain_of_a_trial_is_exact(
