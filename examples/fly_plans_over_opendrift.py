@@ -27,7 +27,6 @@ from DroneSwarmSearch.incident import FlightPlan, Incident
 
 Floats = NDArray[np.float64]
 
-DIFFUSIVITY = 5.0  # m²/s, as in incidents
 STEP = 60  # seconds between positions
 
 
@@ -61,7 +60,7 @@ def simulated(incident: Incident, until: float, options: argparse.Namespace) -> 
     before = at.astype(int)
     part = (at - before)[:, None, None]
     positions = (1 - part) * tracks[before] + part * tracks[before + 1]
-    walk = np.random.normal(0.0, math.sqrt(2 * DIFFUSIVITY * STEP), positions.shape)
+    walk = np.random.normal(0.0, math.sqrt(2 * leeway.DIFFUSIVITY * STEP), positions.shape)
     start = np.random.normal(0.0, incident.position_sd, positions.shape[1:])
     # OpenDrift's objects were at the equator. Elsewhere, north is another direction on the plane.
     turning = math.tan(math.radians(incident.position[0])) / EQUATOR
