@@ -1,7 +1,5 @@
 """What the tests of batches share: names of parameters, a sampler, and a record of a batch."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

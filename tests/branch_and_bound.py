@@ -6,8 +6,6 @@ completion, in which searches do not reduce each other's gains, cannot beat the 
 partial plans that lead to the same situation.
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
@@ -64,45 +62,3 @@ def best_success(of: NamedSearch) -> float:
 
     branch(0, scenario.drone_cells(of.drones), forecast.joint(0), 0.0)
     return best
-
-
-def best_success_of_all(of: NamedSearch) -> float:
-    """The largest probability that any policy finds all persons, and reacts to each find.
-
-    Enumerates all policies by dynamic programming over what the drones know: the persons still
-    missing, where they may be, and the steps left. For one drone and about four steps.
-    """
-    scenario = of.scenario
-    forecasts, limit = scenario.forecasts(), scenario.timestep_limit
-    targets = Grid.of(scenario.grid_size).targets
-
-    def value(step: int, cell: int, masses: dict[int, np.ndarray]) -> float:
-        if step == limit or not masses:
-            return float(not masses)
-        best = 0.0
-        for action in Action:
-            ahead = int(targets[cell, action])
-            if ahead == OFF_GRID or action == Action.IDLE:
-                continue
-            found, left = {}, {}
-            for person, mass in masses.items():
-                rest = mass.copy()
-                if action == Action.SEARCH:
-                    states = rest.reshape(len(rest), -1)
-                    states[:, cell] *= 1.0 - scenario.detections[person]
-                found[person] = float(mass.sum() - rest.sum())
-                left[person] = forecasts[person].forward(rest, step) if step + 1 < limit else rest
-            total = 0.0
-            for outcome in product([False, True], repeat=len(masses)):
-                finds = [
-                    person for person, is_found in zip(masses, outcome, strict=True) if is_found
-                ]
-                chance = float(np.prod([found[person] for person in finds]))
-                if chance > 0.0 or not finds:
-                    missing = {p: mass for p, mass in left.items() if p not in finds}
-                    total += chance * value(step + 1, ahead, missing)
-            best = max(best, total)
-        return best
-
-    (start,) = scenario.drone_cells(of.drones)
-    return value(0, start, {p: forecast.joint(0) for p, forecast in enumerate(forecasts)})

@@ -1,9 +1,6 @@
 """Fixtures and hooks of all tests."""
 
-from __future__ import annotations
-
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -40,7 +37,7 @@ GOOD = {(joint_plan, "ENOUGH"): 40, (planned_flights, "FIGURES"): planned_flight
 
 
 @pytest.fixture(autouse=True, scope="session")
-def quick_plans() -> Iterator[None]:
+def quick_plans():
     """Let the planners do little work."""
     with pytest.MonkeyPatch.context() as patch:
         for name, value in QUICK.items():
@@ -49,7 +46,7 @@ def quick_plans() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def good_plans(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+def good_plans(request, monkeypatch):
     """Let the planners do more work in tests of the quality of plans."""
     if request.node.get_closest_marker("good_plans") is not None:
         for name, value in GOOD.items():
@@ -57,7 +54,7 @@ def good_plans(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.fixture
-def dummy_display(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def dummy_display(monkeypatch):
     """Quit pygame, and select the dummy video driver."""
     pygame = pytest.importorskip("pygame")
     pygame.quit()

@@ -1,7 +1,5 @@
 """Helpers of several test files: playing episodes, comparing them exactly, reading pages."""
 
-from __future__ import annotations
-
 import ctypes
 import importlib.util
 import math

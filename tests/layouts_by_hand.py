@@ -1,7 +1,5 @@
 """Plain implementations of the observation layouts, number by number."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

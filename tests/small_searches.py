@@ -1,7 +1,5 @@
 """Shared by the tests of planning: searches small enough for brute force, and paths in them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache

@@ -1,9 +1,6 @@
 """The belief tracker equals the environment's matrix bit for bit and infers who was found."""
 
-from __future__ import annotations
-
 import random
-from typing import Any
 
 import hypothesis.strategies as st
 import numpy as np
@@ -18,9 +15,7 @@ from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
 
 @settings(max_examples=35, derandomize=True)
 @given(parameters(), st.integers(0, 2**32))
-def test_the_mean_belief_of_several_persons_equals_the_environments_matrix(
-    search: dict[str, Any], seed: int
-) -> None:
+def test_the_mean_belief_of_several_persons_equals_the_environments_matrix(search, seed):
     env = DroneSwarmSearch(**search)
     tracker, rng = BeliefTracker(env.scenario), random.Random(seed)
     observations, _ = env.reset(seed)
@@ -43,7 +38,7 @@ TWO = {"grid_size": 5, "n_drones": 2, **STILL}
 
 @pytest.mark.parametrize("bayesian_update", [False, True])
 @pytest.mark.parametrize("found", [0, 1])
-def test_infers_who_was_found(found: int, bayesian_update: bool) -> None:
+def test_infers_who_was_found(found, bayesian_update):
     env = DroneSwarmSearch(**TWO, bayesian_update=bayesian_update)
     cells = [(0, 0), (4, 4)]
     env.reset(0, drones_positions=cells)
@@ -57,7 +52,7 @@ def test_infers_who_was_found(found: int, bayesian_update: bool) -> None:
     assert tracker.missing == (1 - found,)
 
 
-def test_rounding_errors_and_unexplained_matrices_change_nothing() -> None:
+def test_rounding_errors_and_unexplained_matrices_change_nothing():
     tracker = BeliefTracker(Scenario(**{**TWO, "disperse_constant": 5}))
     tracker.update([(0, 0), (4, 4)], [Action.SEARCH, Action.SEARCH])
     both, rounded = tracker.matrix(), np.float32(1 + 1e-6)
@@ -70,7 +65,7 @@ def test_rounding_errors_and_unexplained_matrices_change_nothing() -> None:
         assert tracker.missing == missing
 
 
-def test_success_is_the_mean_of_detection_times_belief_over_the_missing() -> None:
+def test_success_is_the_mean_of_detection_times_belief_over_the_missing():
     changes = {"probability_of_detection": (0.5, 0.25), "disperse_constant": 5}
     tracker = BeliefTracker(Scenario(**{**TWO, **changes}))
     expected = (0.5 * tracker.belief(0) + 0.25 * tracker.belief(1)) / 2
@@ -80,7 +75,7 @@ def test_success_is_the_mean_of_detection_times_belief_over_the_missing() -> Non
     np.testing.assert_allclose(tracker.success, 0.5 * tracker.belief(0))
 
 
-def test_in_coverage_missions_a_person_who_would_have_been_found_counts_no_more() -> None:
+def test_in_coverage_missions_a_person_who_would_have_been_found_counts_no_more():
     persons = [Person(Drift((1, 1))), Person(Drift((3, 3), start_sd=1))]
     for mission, share in (("coverage", 0.0), ("rescue", 0.5)):
         tracker = BeliefTracker(Scenario(5, persons=persons, mission=mission))
@@ -102,7 +97,7 @@ def two_drifting(mission: str) -> BeliefTracker:
 
 @pytest.mark.parametrize("searches", [0, 3])
 @pytest.mark.parametrize("mission", ["rescue", "coverage"])
-def test_success_ahead_is_what_idle_drones_see_later(searches: int, mission: str) -> None:
+def test_success_ahead_is_what_idle_drones_see_later(searches, mission):
     tracker = two_drifting(mission)
     cells = [(1, 1), (4, 4)]
     for _ in range(searches):
@@ -116,7 +111,7 @@ def test_success_ahead_is_what_idle_drones_see_later(searches: int, mission: str
 
 
 @pytest.mark.parametrize("mission", ["rescue", "coverage"])
-def test_planned_searches_take_off_what_they_find_wherever_it_drifts(mission: str) -> None:
+def test_planned_searches_take_off_what_they_find_wherever_it_drifts(mission):
     tracker = two_drifting(mission)
     outlook = Outlook(tracker, 8)
     before = outlook.success.copy()

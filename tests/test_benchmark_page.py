@@ -1,7 +1,5 @@
 """The table and the curves of the benchmark are those of its CSV files."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 
@@ -18,12 +16,12 @@ RESULTS, CURVES = (algorithms.rows_of(path) for path in (algorithms.RESULTS, alg
 RUNS = {tuple(row[name] for name in algorithms.KEY): row for row in RESULTS}
 
 
-def test_the_table_shows_the_results() -> None:
+def test_the_table_shows_the_results():
     page = (algorithms.RESULTS.parent / "table.md").read_text("utf-8")
     assert page == algorithms.table(), "run python benchmarks/algorithms.py report"
 
 
-def test_no_run_is_left_out_or_counted_twice() -> None:
+def test_no_run_is_left_out_or_counted_twice():
     assert len(RUNS) == len(RESULTS)
     for policy in algorithms.ALGORITHMS:
         for task in TASKS:
@@ -31,7 +29,7 @@ def test_no_run_is_left_out_or_counted_twice() -> None:
             assert seeds == [*map(str, range(5))]
 
 
-def test_every_trained_policy_has_a_curve_and_nothing_else_does() -> None:
+def test_every_trained_policy_has_a_curve_and_nothing_else_does():
     trained = {key for key in RUNS if key[0] in algorithms.ALGORITHMS}
     last = {tuple(row[name] for name in algorithms.KEY): float(row["steps"]) for row in CURVES}
     assert last.keys() == trained
@@ -39,14 +37,14 @@ def test_every_trained_policy_has_a_curve_and_nothing_else_does() -> None:
         assert float(RUNS[key]["steps"]) <= steps < 1.02 * float(RUNS[key]["steps"])
 
 
-def test_greedy_search_finds_what_the_table_says() -> None:
+def test_greedy_search_finds_what_the_table_says():
     for name in ("small", "medium"):
         success = float(RUNS["greedy-matrix", name, ""]["success"])
         found = TASKS[name].evaluate("greedy-matrix").success.value
         assert found == pytest.approx(success, abs=1e-3)  # other versions of NumPy break other ties
 
 
-def test_the_interquartile_mean_leaves_a_quarter_out_on_each_side() -> None:
+def test_the_interquartile_mean_leaves_a_quarter_out_on_each_side():
     runs = np.array([9.0, 1.0, 2.0, 4.0, 100.0])
     mean, low, high = algorithms.interval([runs])
     assert mean == 5.0
@@ -54,7 +52,7 @@ def test_the_interquartile_mean_leaves_a_quarter_out_on_each_side() -> None:
     assert algorithms.interval([runs[:3]])[0] == 4.0
 
 
-def test_the_interval_draws_runs_within_each_task() -> None:
+def test_the_interval_draws_runs_within_each_task():
     """Two tasks with equal runs each have no error, although they differ."""
     mean, low, high = algorithms.interval([np.full(4, 0.2), np.full(4, 0.6)])
     assert mean == pytest.approx(low) == pytest.approx(high) == pytest.approx(0.4)

@@ -1,9 +1,5 @@
 """The BenchMARL task."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 from trainer_examples import python
 
@@ -56,7 +52,7 @@ print("passed")
 """
 
 
-def test_the_task_describes_the_environment(tmp_path: Path) -> None:
+def test_the_task_describes_the_environment(tmp_path):
     """Its specs fit, and its logs contain the success rate."""
     script = tmp_path / "task.py"
     script.write_text(TASK, "utf-8")

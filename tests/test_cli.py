@@ -1,7 +1,5 @@
 """The command line: output, files, errors and exit codes."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import io
@@ -58,7 +56,7 @@ def warns(shown):
 
 
 @pytest.fixture
-def own(tmp_path: Path) -> Path:
+def own(tmp_path):
     """A file with policies."""
     path = tmp_path / "own.py"
     path.write_text(OWN, "utf-8")
@@ -227,12 +225,6 @@ def test_missing_files_and_folders_are_refused(capsys, tmp_path, monkeypatch):
         assert output.err.count("\n") == 1
 
 
-def test_errors_of_a_policy_are_raised(own):
-    arguments = ("evaluate", f"{own}:refuses", "pond", "--episodes", "2", "--workers", "2")
-    with pytest.raises(LookupError, match="no chart"):
-        command.main(arguments)
-
-
 def test_a_warning_is_a_line(capsys, own):
     output = answer(capsys, "evaluate", f"{own}:warns", "pond", "--episodes", 2)
     assert output.err == "warning: an old chart\n"
@@ -298,7 +290,7 @@ def test_output_that_cannot_be_written_is_reported_in_a_line(arguments, buffered
 
 
 @pytest.fixture
-def bounds(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def bounds(monkeypatch):
     """Replace the slow bounds, and record their searches."""
     asked: list[str] = []
 
@@ -350,13 +342,6 @@ def test_a_terminal_shows_a_bar_that_disappears(monkeypatch, kind, shown):
             bar(done)
         assert ("work:  50%|" in stream.getvalue()) == (kind is Terminal and shown)
     assert not stream.getvalue().rpartition("\r")[0].rpartition("\r")[2].strip()
-
-
-def test_without_tqdm_there_is_no_bar(monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "tqdm", None)
-    with progress("work", 4.0) as bar:
-        bar(2.0)
-    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize(

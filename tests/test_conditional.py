@@ -1,22 +1,13 @@
 """Conditional success: against exact values, enumerated paths, and shares of found episodes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 import pytest
-from helpers import data_of
 from test_exact import PERSONS, Recorder, curve_of, named
 
-from DroneSwarmSearch import Drift, Ending, Person, Scenario
-from DroneSwarmSearch.evaluation import (
-    Evaluation,
-    NamedSearch,
-    View,
-    compare,
-    evaluate,
-)
+from DroneSwarmSearch import Ending
+from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, View, compare, evaluate
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.statistics import Estimate, difference
 from DroneSwarmSearch.evaluation.text_tables import figure, signed
@@ -35,7 +26,7 @@ def evaluated(policy: Any, search: NamedSearch, **options: Any) -> Evaluation:
 
 @pytest.mark.parametrize("view", ["swarm", "parallel"])
 @pytest.mark.parametrize("person", PERSONS)
-def test_every_episode_has_the_success_of_its_path(person: str, view: str) -> None:
+def test_every_episode_has_the_success_of_its_path(person, view):
     search = named(person, bayesian_update=True, timestep_limit=8)
     policy = Recorder(make("random", search.scenario))
     episodes = play(policy, search, range(20), View(view))
@@ -45,7 +36,7 @@ def test_every_episode_has_the_success_of_its_path(person: str, view: str) -> No
 
 
 @pytest.mark.parametrize("persons", [("known", "missed"), ("known", "missed", "hypotheses")])
-def test_several_persons(persons: tuple[str, ...]) -> None:
+def test_several_persons(persons):
     """Sampled until one person is missing."""
     search, n = named(*persons, timestep_limit=30), 300
     got = evaluated("parallel-sweep", search, episodes=n, deterministic=False)
@@ -62,21 +53,11 @@ def test_several_persons(persons: tuple[str, ...]) -> None:
     assert abs(final.mean() - share) < 4 * error
 
 
-def test_all_persons_found_in_one_step() -> None:
-    """Two persons who never move in one cell: the first search finds both."""
-    person = Person(Drift((2, 2)))
-    scenario = Scenario(5, timestep_limit=4, persons=[person, person])
-    search = NamedSearch("both", "For tests.", scenario, ((2, 2),))
-    still = lambda shown: np.full((len(shown["row"]), 1), 4)  # noqa: E731
-    curves = play(still, search, [1, 2], View("swarm")).curves
-    assert curves.tolist() == [[0.0, 1.0, 1.0, 1.0, 1.0]] * 2
-
-
 # The batch in which the last person is not found.
 
 
 @pytest.mark.parametrize("persons", [("missed",), ("missed", "hypotheses", "known")])
-def test_the_last_person_is_never_found(persons: tuple[str, ...]) -> None:
+def test_the_last_person_is_never_found(persons):
     scenario = named(*persons, bayesian_update=True, timestep_limit=60).scenario
     batch = SearchBatch(30, scenario=scenario, finds_last=False, drones_positions=[(2, 2), (4, 2)])
     batch.reset([*range(30)])
@@ -95,36 +76,10 @@ def test_the_last_person_is_never_found(persons: tuple[str, ...]) -> None:
     assert np.median(after[is_last].min(axis=1)) < 0.3
 
 
-def test_the_probability_of_failure() -> None:
-    """Of one person, it is what is missing to the probability of success."""
-    scenario = named("missed", bayesian_update=True).scenario
-    batch = SearchBatch(2, scenario=scenario, drones_positions=[(4, 1), (2, 2)])
-    batch.reset([0, 1])
-    batch.step([[4, 4], [5, 5]])
-    assert batch.probability_of_failure is not None
-    assert batch.probability_of_failure.shape == (2, 1)
-    assert batch.probability_of_failure[:, 0] == pytest.approx([0.6, 1.0])
-    success = batch.probability_of_success
-    np.testing.assert_array_equal(1.0 - batch.probability_of_failure[:, 0], success)
-    batch = SearchBatch(2, scenario=scenario.replace(bayesian_update=False))
-    assert batch.probability_of_failure is None
-
-
 # Results, comparisons, files.
 
 
-def test_returns_and_endings_are_those_of_the_episodes() -> None:
-    search = named("known", timestep_limit=30)
-    got = evaluated("greedy-matrix", search, deterministic=False)
-    exact = evaluated("greedy-matrix", search)
-    assert data_of(got) == data_of(exact)
-    assert got.mean_return == exact.mean_return
-    assert got.endings == exact.endings
-    assert got.success.value == pytest.approx(exact.success.value, abs=1e-12)
-    assert not got.success.is_exact
-
-
-def test_differences() -> None:
+def test_differences():
     search = named("hypotheses")
     tossed = evaluated("greedy-matrix", search, deterministic=False)
     other = evaluated("random", search)
@@ -148,8 +103,6 @@ def test_differences() -> None:
         (Estimate(2.0, 2.0, 2.0), "2.0", "+2.0"),
     ],
 )
-def test_tables_have_enough_decimals_for_the_interval(
-    estimate: Estimate, unsigned: str, with_sign: str
-) -> None:
+def test_tables_have_enough_decimals_for_the_interval(estimate, unsigned, with_sign):
     assert figure(estimate) == unsigned
     assert signed(estimate) == with_sign

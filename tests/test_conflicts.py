@@ -1,7 +1,5 @@
 """Conflict resolution: no drones collide, and none waits unnecessarily."""
 
-from __future__ import annotations
-
 import itertools
 
 import hypothesis.strategies as st
@@ -21,7 +19,7 @@ def check(cells: list[Cell], wanted: list[Cell], nexts: list[Cell]) -> None:
         assert ahead == goal or goal in nexts
 
 
-def test_every_case_of_up_to_four_drones_in_a_row_of_four_cells() -> None:
+def test_every_case_of_up_to_four_drones_in_a_row_of_four_cells():
     # The wanted cells need not be adjacent.
     for n in range(1, 5):
         for cells in itertools.permutations(LINE, n):
@@ -31,7 +29,7 @@ def test_every_case_of_up_to_four_drones_in_a_row_of_four_cells() -> None:
 
 @settings(max_examples=60, derandomize=True)
 @given(st.data())
-def test_no_drones_collide_and_none_waits_unnecessarily(data: st.DataObject) -> None:
+def test_no_drones_collide_and_none_waits_unnecessarily(data):
     size = data.draw(st.integers(2, 4))
     grid = [(x, y) for y in range(size) for x in range(size)]
     n = data.draw(st.integers(1, len(grid)))
@@ -46,7 +44,7 @@ def test_no_drones_collide_and_none_waits_unnecessarily(data: st.DataObject) -> 
         assert nexts[0] == wanted[0], "the first moves if no drone is in its way"
 
 
-def test_a_ring_rotates_even_if_another_drone_would_enter() -> None:
+def test_a_ring_rotates_even_if_another_drone_would_enter():
     # Drones 1 and 2 exchange cells; drone 0 would enter the cell of drone 1.
     cells, wanted = [(0, 0), (1, 0), (2, 0)], [(1, 0), (2, 0), (1, 0)]
     assert resolve_conflicts(cells, wanted) == [(0, 0), (2, 0), (1, 0)]

@@ -1,7 +1,5 @@
 """PettingZoo's tests, the spaces, the names, and the side effects of importing."""
 
-from __future__ import annotations
-
 import copy
 import importlib
 import pickle
@@ -13,21 +11,13 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import pettingzoo
 import pytest
 from gymnasium import spaces
 from helpers import careful_actions, plain
 from pettingzoo.utils import parallel_to_aec
 
 import DroneSwarmSearch.env as env_module
-from DroneSwarmSearch import (
-    Action,
-    Drift,
-    DroneSwarmSearch,
-    Ending,
-    Person,
-    RewardScheme,
-)
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, RewardScheme
 from DroneSwarmSearch.core.mappings import Infos, Rewards
 from DroneSwarmSearch.wrappers import FlatObservation
 
@@ -226,18 +216,6 @@ def test_metadata_and_agents():
     assert env.agents == env.possible_agents == env.get_agents()
 
 
-def test_the_classes_of_the_two_forms():
-    parallel = env_module.parallel_env(n_drones=2, grid_size=4)
-    assert type(parallel) is DroneSwarmSearch
-    assert isinstance(parallel, pettingzoo.ParallelEnv)
-    assert parallel.unwrapped is parallel
-    assert importlib.import_module("DroneSwarmSearch").parallel_env is env_module.parallel_env
-    aec = env_module.env(n_drones=2, grid_size=4)
-    assert isinstance(aec, pettingzoo.AECEnv)
-    assert type(aec.unwrapped) is DroneSwarmSearch
-    assert parallel.grid_size == aec.unwrapped.grid_size == 4
-
-
 def test_all_names_are_importable_from_everywhere():
     for name in ("DroneSwarmSearch", "DroneSwarmSearch.env", "DroneSwarmSearchEnvironment.env"):
         assert importlib.import_module(name).DroneSwarmSearch is DroneSwarmSearch
@@ -298,13 +276,6 @@ def test_headless_use_is_quiet_and_has_no_side_effects():
         check=False,
     )
     assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
-
-
-def test_a_render_mode_of_none_renders_nothing():
-    env = DroneSwarmSearch(render_mode=None)
-    env.reset()
-    with pytest.warns(UserWarning, match="render_mode"):
-        assert env.render() is None
 
 
 def test_an_episode_must_begin_with_a_reset():

@@ -1,14 +1,12 @@
 """The layout "crops", compared with sums over boxes, cell by cell."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers import plain
 from hypothesis import given
 from hypothesis import strategies as st
 
-from DroneSwarmSearch.layouts.crops import LENGTH, SCALES, WINDOW, CropsLayout
+from DroneSwarmSearch.layouts.crops import SCALES, WINDOW, CropsLayout
 
 BOXES = WINDOW**2
 
@@ -43,9 +41,7 @@ def searches(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @given(shown=searches())
-def test_windows_show_the_boxes_around_the_drone(
-    shown: tuple[np.ndarray, np.ndarray, np.ndarray],
-) -> None:
+def test_windows_show_the_boxes_around_the_drone(shown):
     positions, matrices, left = shown
     seen = crops(*shown)
     for search, matrix in enumerate(matrices.astype(np.float64)):
@@ -65,7 +61,7 @@ def test_windows_show_the_boxes_around_the_drone(
             assert vector[-1] == pytest.approx(np.log10(matrix.max()) / 6, abs=1e-6)
 
 
-def test_searches_of_large_batches_are_independent() -> None:
+def test_searches_of_large_batches_are_independent():
     """Batches of thousands of drones are processed in parts."""
     rng = np.random.default_rng(0)
     few = (
@@ -75,19 +71,3 @@ def test_searches_of_large_batches_are_independent() -> None:
     )
     many = [np.tile(array, (120, *[1] * (array.ndim - 1))) for array in few]
     assert plain(crops(*many)) == plain(np.tile(crops(*few), (120, 1, 1)))
-
-
-def test_length_depends_on_neither_grid_nor_swarm() -> None:
-    lengths = {CropsLayout(size, drones).space.shape for size, drones in ((2, 1), (60, 16))}
-    assert lengths == {(LENGTH,)}
-
-
-def test_writes_into_parts_of_larger_arrays() -> None:
-    rng = np.random.default_rng(1)
-    matrices = rng.random((2, 6, 6)).astype(np.float32)
-    positions = rng.integers(0, 6, (2, 3, 2))
-    layout = CropsLayout(6, 3)
-    large = np.zeros((2, 5, 400), np.float32)
-    part = large[:, 1:4, 20 : 20 + layout.space.shape[0]]
-    layout.write(positions, matrices.copy(), np.ones(2, np.float32), part)
-    assert plain(part) == plain(crops(positions, matrices, np.ones(2, np.float32)))

@@ -1,7 +1,5 @@
 """The demo: in the terminal, in a window, with manual control, and as a video."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -39,7 +37,7 @@ SEARCH = {
 
 
 @pytest.fixture
-def short(tmp_path: Path) -> str:
+def short(tmp_path):
     """The file of a search of 8 steps without a find."""
     return search_file(tmp_path, timestep_limit=8, probability_of_detection=0)
 
@@ -151,12 +149,6 @@ class TestText:
             shown.append([bool(re.search(mark + "[.:;=o%#@]", output)) for mark in (" P", r"F\d")])
         assert shown == [[True, True], [False, True]]
 
-    def test_prints_some_frames_of_a_long_search(self, tmp_path, capsys):
-        path = search_file(tmp_path, timestep_limit=1000, probability_of_detection=0)
-        cli.main(["play", path, "--text"])
-        steps = re.findall(r"step (\d+)/1000", capsys.readouterr().out)
-        assert steps == ["0", "200", "400", "600", "800", "1000"]
-
     def test_draws_in_place_on_a_terminal(self, short, capsys, monkeypatch):
         monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
         monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((30, 9)))
@@ -189,10 +181,6 @@ class TestOptions:
     )
     def test_bad_values(self, capsys, arguments, problem):
         assert problem in refusal(capsys, "play", *arguments.split(), "--text")
-
-    def test_manual_needs_the_usual_policy(self, capsys):
-        line = refusal(capsys, "play", "--manual", "--policy", "greedy-posterior")
-        assert line.endswith("the other drones use greedy-matrix: leave out --policy")
 
     def test_a_search_of_the_suite(self, capsys):
         arguments = ["play", "pond", "--text", "--policy", "greedy-posterior", "--seed", "3"]
@@ -230,14 +218,6 @@ class TestOptions:
         assert "persons found" not in summary
 
 
-def shown_as_text(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> list[Frame]:
-    """The frames of an episode in the terminal."""
-    shown: list[Frame] = []
-    monkeypatch.setattr(demo, "print_frames", lambda frames, fps: shown.extend(frames))
-    assert cli.main(["play", "--text", *arguments]) == 0
-    return shown
-
-
 @pytest.mark.usefixtures("dummy_display")
 class TestWindow:
     def test_it_plays_to_the_end_and_stays_open(self, capsys, monkeypatch):
@@ -254,12 +234,6 @@ class TestWindow:
         assert "The target was found" in figures(capsys.readouterr().out)["outcome"]
         assert not pygame.display.get_init()
         assert shown[-1].ending is Ending.FOUND
-
-    def test_quitting(self, capsys, monkeypatch):
-        perform(monkeypatch, lambda player: iter(["escape"]))
-        assert cli.main(["play"]) == 0
-        assert figures(capsys.readouterr().out)["outcome"] == "stopped: you quit"
-        assert not pygame.display.get_init()
 
     def test_the_prior_beside_the_posterior(self, monkeypatch):
         sizes = []
@@ -359,12 +333,6 @@ class TestManual:
             steps = figures(capsys.readouterr().out)["steps"].split()[0]
             assert results[policy] == int(steps)
 
-    def test_without_a_display(self, capsys, monkeypatch):
-        monkeypatch.setenv("SDL_VIDEODRIVER", "none_such")
-        with pytest.raises(SystemExit):
-            cli.main(["play", "--manual"])
-        assert "--manual needs a display" in capsys.readouterr().err
-
 
 class TestVideo:
     def test_gif(self, short, tmp_path, capsys):
@@ -376,8 +344,3 @@ class TestVideo:
             assert 450 < gif.width < 500
             assert gif.n_frames > 8
         assert video.stat().st_size < 250_000
-
-    def test_a_path_that_cannot_be_written(self, short, tmp_path, capsys):
-        (tmp_path / "file").touch()
-        assert cli.main(["play", short, "--record", str(tmp_path / "file" / "video.gif")]) == 1
-        assert re.match(r".*video\.gif: \w+", capsys.readouterr().err.splitlines()[-1])

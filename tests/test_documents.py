@@ -1,7 +1,5 @@
 """Code blocks, commands and links of the README and the documentation work."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import importlib.util
@@ -62,7 +60,7 @@ TIMEOUT = 120.0  # seconds for a command; code blocks with an RL library get fiv
 
 
 @pytest.fixture(autouse=True)
-def quick_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+def quick_bounds(monkeypatch):
     """Let bounds take little work: drones without memory, and few iterations."""
     monkeypatch.setattr(bound, "WORK", 0.0)
     monkeypatch.setattr(bound, "MOST_WORK", 0.0)
@@ -89,7 +87,7 @@ class Block(NamedTuple):
         return [package for package in EXTRAS if package in imported]
 
     @property
-    def test_id(self) -> str:
+    def test_id(self):
         """The test's id: `-k needs-torchrl` selects all blocks that need this extra."""
         packages = self.optional_packages
         return f"{self.name}-needs-{EXTRAS[packages[0]]}" if packages else self.name

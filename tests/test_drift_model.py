@@ -1,7 +1,5 @@
 """A drift model's steps: of a distribution, forward and backward, and of a person."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any
@@ -32,9 +30,7 @@ def random_grid(forecast: ProbabilityMatrix, seed: int, *axes: int) -> np.ndarra
 
 @settings(max_examples=50, derandomize=True)
 @given(forecasts(), st.integers(0, 12), st.integers(1, 6), st.integers(0, 99))
-def test_forward_is_the_drift_of_a_belief(
-    forecast: ProbabilityMatrix, first: int, steps: int, seed: int
-) -> None:
+def test_forward_is_the_drift_of_a_belief(forecast, first, steps, seed):
     for step in range(first, first + steps):
         mass = random_grid(forecast, seed + step)
         after = forecast.forward(mass, step)
@@ -48,9 +44,7 @@ def test_forward_is_the_drift_of_a_belief(
 
 @settings(max_examples=50, derandomize=True)
 @given(forecasts(), st.integers(0, 12), st.integers(0, 99))
-def test_backward_is_the_adjoint_of_forward(
-    forecast: ProbabilityMatrix, step: int, seed: int
-) -> None:
+def test_backward_is_the_adjoint_of_forward(forecast, step, seed):
     mass, value = random_grid(forecast, seed), random_grid(forecast, seed + 1)
     now = float(np.vdot(forecast.backward(value, step), mass))
     assert now == pytest.approx(float(np.vdot(value, forecast.forward(mass, step))), rel=1e-12)
@@ -58,7 +52,7 @@ def test_backward_is_the_adjoint_of_forward(
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
-def test_steps_may_be_taken_in_any_order_and_from_copies(duplicate: Any) -> None:
+def test_steps_may_be_taken_in_any_order_and_from_copies(duplicate):
     forecast, other = (one_hypothesis(6, (2, 3), (0.3, -0.2)) for _ in range(2))
     mass = random_grid(forecast, 4)
     after = {step: forecast.forward(mass, step) for step in (3, 33, 70, 71)}
@@ -67,16 +61,7 @@ def test_steps_may_be_taken_in_any_order_and_from_copies(duplicate: Any) -> None
         assert np.array_equal(duplicate(forecast).forward(mass, step), after[step])
 
 
-def test_leading_axes_are_batch_axes() -> None:
-    forecast = one_hypothesis(5, (2, 3), (0.3, -0.2))
-    batch = random_grid(forecast, 5, 2, 3)
-    for direction in (forecast.forward, forecast.backward):
-        together = direction(batch, 1)
-        for i, j in np.ndindex(2, 3):
-            np.testing.assert_allclose(together[i, j], direction(batch[i, j], 1), rtol=1e-13)
-
-
-def test_uniforms_select_right_left_or_stay() -> None:
+def test_uniforms_select_right_left_or_stay():
     forecast = ProbabilityMatrix(9, Drift((4, 4), vector=(0.1, -0.1), diffusion=4 / 9))
     right, left, down, up = (chances[0] for chances in forecast.moves(0))
     eps = 1e-9
@@ -85,16 +70,6 @@ def test_uniforms_select_right_left_or_stay() -> None:
         assert forecast.walk(4 * 9 + 4, 0, [u], [0.9999]) == [4 * 9 + x]
     for v, y in ((0.0, 5), (down[4] + eps, 3), (down[4] + up[4] + eps, 4)):
         assert forecast.walk(4 * 9 + 4, 0, [0.9999], [v]) == [y * 9 + 4]
-
-
-def test_a_walk_can_be_computed_in_pieces() -> None:
-    forecast = ProbabilityMatrix(20, Drift((10, 10), vector=(0.3, 0.2), diffusion=4 / 9))
-    numbers = np.random.default_rng(5)
-    for_x, for_y = numbers.random((2, 32)).tolist()
-    whole = forecast.walk(210, 0, for_x, for_y)
-    first = forecast.walk(210, 0, for_x[:8], for_y[:8])
-    assert first + forecast.walk(first[-1], 8, for_x[8:], for_y[8:]) == whole
-    assert len(forecast.walk(210, 24, for_x, for_y)) == 32, "across blocks of tables"
 
 
 def known(start: tuple[int, int], vector: tuple[float, float], diffusion: float) -> Person:
@@ -117,7 +92,7 @@ def known(start: tuple[int, int], vector: tuple[float, float], diffusion: float)
         ),
     ],
 )
-def test_walks_are_distributed_as_the_matrix(person: Person) -> None:
+def test_walks_are_distributed_as_the_matrix(person):
     """Pearson's chi-square over the cells that hold enough, at four steps of 4,000 walks."""
     size, walks = 20, 4000
     forecast = ProbabilityMatrix(size, person.drift)
@@ -142,26 +117,7 @@ def test_walks_are_distributed_as_the_matrix(person: Person) -> None:
         assert statistic < limit, (t, statistic, freedom)
 
 
-def test_several_persons_move_like_one() -> None:
-    forecast = ProbabilityMatrix(9, Person([Drift((4, 4)), Drift((3, 4), vector=(0.3, -0.2))]))
-    rng = np.random.default_rng(1)
-    states = rng.integers(0, 2 * 81, 500)
-    u, v = rng.random((2, 500))
-    after = forecast.moved(states, 3, u, v)
-    alone = zip(states.tolist(), u.tolist(), v.tolist(), strict=True)
-    assert after.tolist() == [forecast.walk(state, 3, [x], [y])[0] for state, x, y in alone]
-
-
-def test_branches_are_the_steps_of_the_distribution() -> None:
-    forecast = ProbabilityMatrix(7, Person([Drift((2, 3), vector=(0.3, 0.2), diffusion=0.3)]))
-    mass = forecast.joint(4).reshape(-1)
-    (states,) = mass.nonzero()
-    place, after, chances = forecast.branches(states, mass[states], 4)
-    assert (abs(forecast.cells(after) % 7 - forecast.cells(states[place]) % 7) <= 1).all()
-    np.testing.assert_allclose(np.bincount(after, chances, 49), forecast.joint(5).flat, atol=1e-13)
-
-
-def test_the_starts_of_several_persons_are_drawn_like_one() -> None:
+def test_the_starts_of_several_persons_are_drawn_like_one():
     forecast = ProbabilityMatrix(5, Person([Drift((1, 1), weight=0.4), Drift(np.eye(5))]))
     draws = np.append(np.random.default_rng(3).random(200), [0.0, 1 - 2**-53])
     drawn = forecast.start(draws)

@@ -1,9 +1,5 @@
 """Everything that a command prints on a terminal of 80 columns fits it."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from DroneSwarmSearch import cli
@@ -45,7 +41,7 @@ def test_commands(arguments, capsys):
     assert_fits(capsys.readouterr().out)
 
 
-def test_a_leaderboard(tmp_path: Path, capsys):
+def test_a_leaderboard(tmp_path, capsys):
     policies = "random parallel-sweep creeping-line expanding-square sector-search greedy-matrix"
     arguments = f"leaderboard --no-bound --episodes 20 --searches pond --policies {policies}"
     assert cli.main([*arguments.split(), "greedy-posterior", "--out", str(tmp_path)]) == 0

@@ -1,7 +1,5 @@
 """Evaluations: episodes, observations, results, stored entries and files."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 from collections.abc import Callable
@@ -9,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import data_of, made_evaluation, plain
+from helpers import data_of, made_evaluation
 
 from DroneSwarmSearch import (
     Action,
@@ -26,7 +24,6 @@ from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.policies.imitation import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS_PATH
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
-from DroneSwarmSearch.wrappers import ActionMask
 
 DEFAULT_WEIGHTS = str(DEFAULT_WEIGHTS_PATH)
 
@@ -191,31 +188,6 @@ def test_policies_see_the_observations_of_the_vector_environments(kind, observat
     assert over_early
 
 
-@pytest.mark.parametrize("masks", [(False, False), (True, False), (True, True)])
-def test_the_parallel_view_shows_what_the_environment_shows(masks):
-    each = named(timestep_limit=12)
-    env: Any = DroneSwarmSearch(scenario=each.scenario)
-    if masks[0]:
-        env = ActionMask(env, True, masks[1])
-    expected, _ = env.reset(seed=3, options={"drones_positions": each.drones})
-    rng = np.random.default_rng(0)
-
-    def policy(shown: Any) -> dict[str, int]:
-        nonlocal expected
-        assert plain(shown) == plain(expected)
-        actions = {}
-        for name, seen in shown.items():
-            open_to = seen.get("action_mask", [0, 0, 0, 0, 1, 1])
-            entry = seen["observation"] if masks[0] else seen
-            assert not entry["observation"][1].flags.writeable
-            actions[name] = int(rng.choice(np.flatnonzero(open_to)))
-        expected, *_ = env.step(actions)
-        return actions
-
-    play(policy, each, [3], View("parallel", "dict", *masks), wants_curves=False)
-    assert not env.agents
-
-
 def test_a_policy_is_prepared_once_and_copied_for_every_portion(monkeypatch, tmp_path):
     monkeypatch.setattr(run, "PORTION", 4)
     log = tmp_path / "log"
@@ -358,22 +330,6 @@ def test_a_posterior_is_calibrated_and_a_prior_is_not():
     assert prior.expected_error > 5 * posterior.expected_error
 
 
-def test_calibration_counts_all_searches_and_finds():
-    """Two equal persons: the forecast is exact, and their sum."""
-    each = named(
-        person_initial_position=[(2, 2), (2, 2)],
-        probability_of_detection=0.5,
-        bayesian_update=True,
-        drones=((2, 2),),
-        timestep_limit=20,
-    )
-    got = evaluate(in_swarms, each, episodes=600, progress=False)
-    table = got.reliability
-    assert table.found.sum() == (got.episodes.found_at > 0).sum()
-    assert table.searches[-1] >= 600  # the first forecast is 1 = 2 persons x 0.5
-    assert (np.abs(table.found - table.forecast) / np.sqrt(table.forecast + 1)).max() < 4
-
-
 def test_comparisons_are_paired():
     """The interval of the difference is that of the differences, not of two samples."""
     rng = np.random.default_rng(0)
@@ -408,7 +364,7 @@ OWN = (
 
 
 @pytest.fixture
-def played(monkeypatch: pytest.MonkeyPatch) -> list[range]:
+def played(monkeypatch):
     """The portions that are played; they have four episodes."""
     portions: list[range] = []
 

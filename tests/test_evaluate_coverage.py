@@ -1,20 +1,12 @@
 """Evaluations of coverage missions: episodes, estimates, comparisons, stored entries and files."""
 
-from __future__ import annotations
-
-import csv
 from typing import Any
 
 import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
-from DroneSwarmSearch.evaluation import (
-    Evaluation,
-    NamedSearch,
-    evaluate,
-    save_csv,
-)
+from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, evaluate
 from DroneSwarmSearch.evaluation.statistics import bounded_mean
 
 DRONES = ((2, 2), (4, 3))
@@ -69,7 +61,7 @@ def evaluated(policy: Any, search: NamedSearch, **options: Any) -> Evaluation:
 
 
 @pytest.mark.parametrize("bayesian_update", [False, True])
-def test_metrics_are_those_of_the_single_environment(bayesian_update: bool) -> None:
+def test_metrics_are_those_of_the_single_environment(bayesian_update):
     """The POS after every step, the cells searched and searched again, counted by hand."""
     search = mission(bayesian_update=bayesian_update)
     got = evaluated(Wanderer(), search)
@@ -99,7 +91,7 @@ def test_metrics_are_those_of_the_single_environment(bayesian_update: bool) -> N
     assert means == pytest.approx(np.mean(rates, axis=0))
 
 
-def test_two_drones_that_stay_where_they_are() -> None:
+def test_two_drones_that_stay_where_they_are():
     """Figures by hand: one searches a person's cell until the mission is complete."""
     got = evaluated(still, mission(persons=Person(Drift((4, 3)), 0.8)), episodes=2)
     curve = [0.0, 0.8, 0.96, *[0.992] * (LIMIT - 2)]
@@ -116,7 +108,7 @@ def test_two_drones_that_stay_where_they_are() -> None:
     assert got.time.value == pytest.approx(1 + 0.2 + 0.04 + 0.008 * (LIMIT - 3))
 
 
-def test_coverage_is_the_exact_success_of_a_rescue_with_one_person() -> None:
+def test_coverage_is_the_exact_success_of_a_rescue_with_one_person():
     """The policy acts alike in both missions until the person is found."""
     scenario = mission(timestep_limit=8).scenario
     person = scenario.persons_to_find[0]
@@ -136,14 +128,3 @@ def test_coverage_is_the_exact_success_of_a_rescue_with_one_person() -> None:
             continue
         assert rescue.success_by_time == pytest.approx(coverage.success_by_time, abs=1e-12)
         assert rescue.time.value == pytest.approx(coverage.time.value)
-
-
-def test_files_hold_the_measures_of_coverage(tmp_path: Any) -> None:
-    got = evaluated(Wanderer(), mission(), episodes=5)
-    rescue = evaluated(Wanderer(), mission(mission="rescue"), episodes=5)
-    save_csv(tmp_path / "summary.csv", [rescue, got])
-    first, second = csv.DictReader((tmp_path / "summary.csv").read_text().splitlines())
-    assert (first["mission"], second["mission"]) == ("rescue", "coverage")
-    assert first["coverage_rate"] == second["calibration_error"] == ""
-    assert float(second["coverage_rate"]) == got.coverage_rate.value
-    assert float(second["repetition_rate_high"]) == got.repetition_rate.high

@@ -1,15 +1,12 @@
 """Exact success: against dense Markov chains, the environment, and samples."""
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import Any
 
 import numpy as np
 import pytest
-from helpers import data_of
 
-from DroneSwarmSearch import Action, Drift, Ending, Person, Scenario
+from DroneSwarmSearch import Action, Drift, Person, Scenario
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, View, compare, evaluate
 from DroneSwarmSearch.evaluation.rollout import play
@@ -173,24 +170,6 @@ def test_a_crash_ends_the_search():
     assert got.time.value == pytest.approx(1 + 0.5 + 0.25 + 5 * 0.125)
 
 
-@pytest.mark.parametrize(
-    ("name", "persons"), [("greedy-posterior", ("hypotheses",)), ("planner", ("known",))]
-)
-def test_samples_agree(name, persons):
-    count, search = 250, named(*persons)
-    got = evaluate(name, search, episodes=count, progress=False)
-    sampled = evaluate(name, search, episodes=count, deterministic=False, progress=False)
-    assert got.is_exact
-    assert not sampled.is_exact
-    share = got.success.value
-    assert abs(share - sampled.success.value) < 4 * np.sqrt(share * (1 - share) / count) + 1e-9
-    off = got.time.value - sampled.time.value
-    assert abs(off) < 4 * sampled.times.std() / np.sqrt(count) + 1e-9
-    assert data_of(got) == data_of(sampled)
-    found = got.endings[Ending.FOUND] / count
-    assert abs(found - share) < 4 * np.sqrt(share * (1 - share) / count)
-
-
 # Which evaluations are exact.
 
 
@@ -229,15 +208,6 @@ def test_a_policy_that_is_not_deterministic_is_refused(view, mission):
         evaluate(drawn, search, view=view, episodes=4, deterministic=True, progress=False)
 
 
-def test_coverage_missions_are_exact_for_any_number_of_persons():
-    search = named("known", "missed", "hypotheses", mission="coverage")
-    got = evaluate(Climber, search, episodes=4, progress=False)
-    assert got.success.is_exact
-    assert got.success.value == got.curves[0, -1]
-    assert got.time.value == pytest.approx(got.times.mean())
-    assert got.coverage_rate.is_exact and got.repetition_rate.is_exact
-
-
 # Results, comparisons, files.
 
 
@@ -265,14 +235,3 @@ def test_differences_of_exact_values_are_exact():
     assert signed(got.time) == f"{got.time.value:+.1f}"
     same = compare(one, evaluated(Climber, seed=9))
     assert same.success == same.time == Estimate.exact(0.0)
-
-
-def test_an_exact_value_against_a_sample_has_the_interval_of_the_sample():
-    exact, sampled = evaluated(Climber), evaluated(searching)
-    got = compare(exact, sampled)
-    theirs = sampled.success
-    expected = [exact.success.value - each for each in (theirs.value, theirs.high, theirs.low)]
-    assert got.success == pytest.approx(expected)
-    assert not got.time.is_exact
-    with pytest.raises(ValueError, match="30 from seed 1, got 30 from seed 0"):
-        compare(evaluated(Climber, seed=1), sampled)

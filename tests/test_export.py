@@ -1,7 +1,5 @@
 """Episodes as JSON, and those of the documentation."""
 
-from __future__ import annotations
-
 import base64
 import json
 import zlib
@@ -14,7 +12,7 @@ import pytest
 from helpers import module_at
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario, Tracks
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, View, export
@@ -109,13 +107,6 @@ class TestFile:
         assert played == [*product(("greedy-posterior", "random"), (1, 5))]
         check_against_the_environment(data, search)
 
-    def test_it_holds_finds(self, tmp_path):
-        search = storm()
-        data = export(["greedy-posterior"], search, tmp_path / "a.json", seeds=range(6))
-        persons = [person for episode in data["episodes"] for person in episode["persons"]]
-        assert {person["found_by"] for person in persons} == {0, 1, None}
-        assert {"found", "time_limit"} == {episode["ending"] for episode in data["episodes"]}
-
     def test_equal_maps_are_stored_once(self, tmp_path):
         def idle(observations: Any) -> dict[str, int]:
             return dict.fromkeys(observations, int(Action.IDLE))
@@ -151,13 +142,6 @@ class TestErrors:
             export(["random"], "pond", tmp_path / "storm.json", **changed)
         assert not list(tmp_path.iterdir())
 
-    def test_a_path_that_cannot_be_written_is_refused_before_the_search(self, tmp_path):
-        (tmp_path / "file").touch()
-        searches: list[Any] = []
-        with pytest.raises(OSError, match=r"file/a\.json"):
-            export([searches.append], storm(), tmp_path / "file" / "a.json", view="parallel")
-        assert not searches
-
     def test_an_existing_file_is_kept_if_a_policy_fails(self, tmp_path):
         def failing(observations: Any) -> dict[str, int]:
             raise RuntimeError("no idea")
@@ -179,11 +163,6 @@ class TestCommand:
         assert capsys.readouterr().out == f"{path}: 4 episodes of pond\n"
         export(policies, "pond", same, seeds=[0, 7], view=View(bayesian_update=True))
         assert path.read_bytes() == same.read_bytes()
-
-    def test_a_path_that_cannot_be_written_is_reported(self, capsys):
-        nowhere = ["export", "pond", "--policies", "random", "--out", "/dev/null/a.json"]
-        assert command.main(nowhere) == 1
-        assert "/dev/null/a.json: " in capsys.readouterr().err
 
 
 @pytest.mark.pictures
@@ -240,14 +219,3 @@ class TestDocumentation:
         with pytest.raises(SystemExit):
             pages.main(["harbor"])
         assert "SEARCH must be of man-overboard" in capsys.readouterr().err
-
-
-def test_a_person_who_drifts_as_tracks_do_is_written(tmp_path: Path) -> None:
-    rng = np.random.default_rng(0)
-    tracks = Tracks(np.cumsum(rng.uniform(-0.5, 0.5, (11, 400, 2)), axis=0) + 4)
-    scenario = Scenario(13, persons=Person(tracks, fine=1), timestep_limit=10)
-    data = export(["random"], scenario, tmp_path / "tracks.json", seeds=[1])
-    (episode,) = data["episodes"]
-    (person,) = episode["persons"]
-    assert len(person["cells"]) == episode["steps"] + 1
-    assert json.loads((tmp_path / "tracks.json").read_text("utf-8")) == data

@@ -1,7 +1,5 @@
 """Fields of current and wind: files of several conventions, land, and persons who drift in them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -118,9 +116,7 @@ def write(
     ],
     ids=str,
 )
-def test_files_of_many_conventions_are_read(
-    options: dict[str, Any], middle: float, tmp_path: Path
-) -> None:
+def test_files_of_many_conventions_are_read(options, middle, tmp_path):
     path = write(tmp_path / "a.nc", shear, middle=middle, **options)
     field = Field.read(path, "current", (HERE[0], middle))
     rng = np.random.default_rng(0)
@@ -133,7 +129,7 @@ def test_files_of_many_conventions_are_read(
 
 
 @pytest.mark.parametrize(("field", "most"), [(shear, 0.005), (eddy, 0.01)])
-def test_particles_follow_the_exact_tracks(field: Any, most: float, tmp_path: Path) -> None:
+def test_particles_follow_the_exact_tracks(field, most, tmp_path):
     """Both fields are linear, so the mean of the particles drifts as a single one would."""
     incident = Incident(**KNOWN, current=write(tmp_path / "ocean.nc", field))
     cloud, place, way = incident.particles(20_000, 0), np.zeros(2), 0.0
@@ -145,7 +141,7 @@ def test_particles_follow_the_exact_tracks(field: Any, most: float, tmp_path: Pa
     assert way > 1000
 
 
-def test_persons_strand_and_are_found_ashore(tmp_path: Path) -> None:
+def test_persons_strand_and_are_found_ashore(tmp_path):
     incident = Incident(**KNOWN, current=write(tmp_path / "ocean.nc", strait, points=121))
     cloud = incident.particles(5000, 0)
     assert cloud.ashore > 0.95
@@ -158,7 +154,7 @@ def test_persons_strand_and_are_found_ashore(tmp_path: Path) -> None:
     assert chart.draw(plan, [0]).axes[0].get_legend_handles_labels()[1][2].startswith("current at")
 
 
-def test_drones_fly_in_the_wind_of_the_file(tmp_path: Path) -> None:
+def test_drones_fly_in_the_wind_of_the_file(tmp_path):
     """At 10 m and above, at their places and times."""
     names = "x_wind", "y_wind"
     level = ("height", [2.0, 10.0, 100.0])
@@ -175,7 +171,7 @@ def test_drones_fly_in_the_wind_of_the_file(tmp_path: Path) -> None:
     assert Incident(**KNOWN).particles(100, 0).ashore == 0
 
 
-def test_files_need_to_cover_the_persons_only(tmp_path: Path) -> None:
+def test_files_need_to_cover_the_persons_only(tmp_path):
     """Not all flights that drones try, nor the hours after the last landing, nor the whole map."""
     path = write(tmp_path / "weather.nc", shear, ("x_wind", "y_wind"), points=61)
     ocean = write(tmp_path / "ocean.nc", shear)
@@ -186,7 +182,7 @@ def test_files_need_to_cover_the_persons_only(tmp_path: Path) -> None:
     chart.draw(plan, [0])
 
 
-def test_an_incident_with_fields_survives_its_file(tmp_path: Path) -> None:
+def test_an_incident_with_fields_survives_its_file(tmp_path):
     incident = Incident(**KNOWN, current=write(tmp_path / "ocean.nc", shear))
     incident.save(tmp_path / "plan" / "incident.json")
     assert '"../ocean.nc"' in (tmp_path / "plan" / "incident.json").read_text("utf-8")
@@ -213,9 +209,7 @@ def test_an_incident_with_fields_survives_its_file(tmp_path: Path) -> None:
         ({}, {"order": ("lat", "lon")}, "current must be on axes of time, latitude and longitude"),
     ],
 )
-def test_unsuitable_files_are_refused(
-    values: dict[str, Any], options: dict[str, Any], message: str, tmp_path: Path
-) -> None:
+def test_unsuitable_files_are_refused(values, options, message, tmp_path):
     still = strait if "order" not in options else lambda *grid: strait(*grid)[:, 0]
     path = write(tmp_path / "ocean.nc", still, **options)
     with pytest.raises(ValueError, match=message):

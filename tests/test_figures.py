@@ -1,12 +1,9 @@
 """The figures of the documentation and the calibration benchmark."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -43,7 +40,7 @@ BACKGROUNDS = {"light": b"#ffffff", "dark": b"#131416"}
         for other, theme in enumerate(figures.THEMES)
     ],
 )
-def test_figures_are_drawn(name: str, theme: Any) -> None:
+def test_figures_are_drawn(name, theme):
     """Each in one of the themes; in the slow run, each in both."""
     drawn = figures.svg(name, theme, figures.SHORT)
     root = ElementTree.fromstring(drawn)
@@ -55,13 +52,13 @@ def test_figures_are_drawn(name: str, theme: Any) -> None:
 @pytest.mark.pictures
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("theme", THEMES)
-def test_committed_figures_are_small(name: str, theme: str) -> None:
+def test_committed_figures_are_small(name, theme):
     size = (COMMITTED / f"{name}-{theme}.svg").stat().st_size
     assert 1000 < size < 150_000
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_page_shows_each_figure_with_an_alternative_text(name: str) -> None:
+def test_a_page_shows_each_figure_with_an_alternative_text(name):
     texts = [page.read_text("utf-8") for page in DOCS.rglob("*.md")]
     descriptions = [
         description
@@ -72,7 +69,7 @@ def test_a_page_shows_each_figure_with_an_alternative_text(name: str) -> None:
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/index.md"])
-def test_the_first_pages_state_the_results_of_the_leaderboard(page: str) -> None:
+def test_the_first_pages_state_the_results_of_the_leaderboard(page):
     (text,) = re.findall(r"[Bb]ound \d.*random.*%", (ROOT / page).read_text("utf-8"))
     stated = dict(re.findall(r"([\w-]+)(?: moves)? (\d+)%", text.lower()))
     results = figures.suite_results()
@@ -81,7 +78,7 @@ def test_the_first_pages_state_the_results_of_the_leaderboard(page: str) -> None
 
 
 @pytest.mark.parametrize("detection", [0.4, 0.8])
-def test_the_kept_fractions_predict_the_episodes_without_a_find(detection: float) -> None:
+def test_the_kept_fractions_predict_the_episodes_without_a_find(detection):
     episodes = 1000
     predicted = np.minimum(np.cumprod(figures.miss(detection).kept), 1.0)  # rounding may exceed 1
     measured = figures.shares_not_found(detection, episodes)[1:]
@@ -99,7 +96,7 @@ def margin(episodes: int) -> float:
 
 
 @pytest.mark.parametrize("setting", calibration.PACKAGES["DroneSwarmSearch"][1][::3])
-def test_this_package_is_at_the_floor(setting: tuple) -> None:
+def test_this_package_is_at_the_floor(setting):
     episodes, steps = 1500, 24
     seen = calibration.ours(setting, episodes, steps)
     distance = calibration.distances(seen)
@@ -108,35 +105,12 @@ def test_this_package_is_at_the_floor(setting: tuple) -> None:
         assert abs(distance[step] - floor) < margin(episodes)
 
 
-def test_a_shifted_matrix_is_above_the_floor() -> None:
-    setting = calibration.Setting((0.3, -0.2), 10.0)
-    seen = calibration.ours(setting, 1500, 24)
-    shifted = seen._replace(matrix=np.roll(seen.matrix, 2, axis=2))
-    floor = calibration.floor(shifted.matrix[24], 1500)
-    assert calibration.distances(shifted)[24] > floor + margin(1500)
-
-
-def test_other_rows_of_the_file_are_kept(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "calibration.csv"
-    other = dict.fromkeys(calibration.COLUMNS, "1") | {"package": "DSSE 1.1.9"}
-    calibration.keep(path, [other])
-    few = ["--episodes", "100", "--steps", "10"]
-    for _ in range(2):
-        calibration.main(["--only", "DroneSwarmSearch", *few, "--csv", str(path)])
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["package"] for row in rows] == ["DroneSwarmSearch"] * 8 * 11 + ["DSSE 1.1.9"]
-    assert "DroneSwarmSearch" in capsys.readouterr().out
-
-
 def committed_results() -> list[dict[str, str]]:
     with (COMMITTED / "calibration.csv").open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
-def test_committed_results_are_complete_and_at_the_floor() -> None:
+def test_committed_results_are_complete_and_at_the_floor():
     rows = committed_results()
     for name, (_, settings) in calibration.PACKAGES.items():
         own = [row for row in rows if row["package"] == name]
@@ -148,7 +122,7 @@ def test_committed_results_are_complete_and_at_the_floor() -> None:
             assert difference < margin(int(row["episodes"]))
 
 
-def test_the_model_page_states_how_far_opendrift_is_from_the_map() -> None:
+def test_the_model_page_states_how_far_opendrift_is_from_the_map():
     page = " ".join((DOCS / "model.md").read_text("utf-8").split())
     with (COMMITTED / "opendrift.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -173,7 +147,7 @@ def test_the_model_page_states_how_far_opendrift_is_from_the_map() -> None:
     assert (np.abs(forecast - found - 0.015) < 0.01).all()  # up to two points
 
 
-def test_the_model_page_states_what_plans_find_off_a_coast() -> None:
+def test_the_model_page_states_what_plans_find_off_a_coast():
     page = (DOCS / "model.md").read_text("utf-8")
     with (COMMITTED / "opendrift-coast.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -183,7 +157,7 @@ def test_the_model_page_states_what_plans_find_off_a_coast() -> None:
         assert f"| `{row['person']}` | `{row['policy']}` | {shares} |" in page
 
 
-def test_the_guide_states_how_far_forecasts_of_changing_drift_are_from_the_finds() -> None:
+def test_the_guide_states_how_far_forecasts_of_changing_drift_are_from_the_finds():
     page = " ".join((DOCS / "guides" / "evaluation.md").read_text("utf-8").split())
     scenes = json.loads((COMMITTED / "tracks.json").read_text("utf-8"))
     tracks, constant = (

@@ -1,7 +1,5 @@
 """Compact pictures of an episode."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -49,30 +47,6 @@ def test_the_map_is_cropped_to_where_things_happen():
         return int((picture == Look().ramp[-1]).all(axis=2).sum())
 
     assert blue(near) > 5 * blue(far) > 0
-
-
-def test_a_cropped_picture_does_not_depend_on_where_it_lies_in_the_grid():
-    frames = episode()
-    moved = [
-        replace(
-            frame,
-            matrix=np.roll(frame.matrix, (5, -3), axis=(0, 1)),
-            drones=tuple((x - 3, y + 5) for x, y in frame.drones),
-            persons=tuple((x - 3, y + 5) for x, y in frame.persons),
-        )
-        for frame in frames
-    ]
-    assert (pixels(frames) == pixels(moved)).all()
-
-
-def test_drones_are_on_their_way():
-    frames = episode()
-    film = Film(frames, title="")
-    start, half, end = (
-        film.pixels(frames[0], towards=frames[1], progress=at).astype(int) for at in (0.0, 0.5, 1.0)
-    )
-    assert (start == film.pixels(frames[0])).all()
-    assert (half != start).any() and (half != end).any()
 
 
 def test_the_outcome_replaces_the_title():

@@ -1,7 +1,5 @@
 """The probability of success that a plan forecasts is what searches reach."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from small_searches import paths_of, search, success_of
@@ -41,9 +39,7 @@ PRIOR_MAP = Person(
         ("imitation", (Person(Drift((5, 5), vector=(0.1, 0.1), diffusion=0.2), 0.5),), False),
     ],
 )
-def test_the_success_of_a_coverage_mission_is_that_of_its_paths(
-    persons: tuple[Person, ...], name: str, bayesian_update: bool
-) -> None:
+def test_the_success_of_a_coverage_mission_is_that_of_its_paths(persons, name, bayesian_update):
     of = search(
         [(0, 0), (10, 0)],
         grid_size=SIZE,

@@ -1,7 +1,5 @@
 """The Frank-Wolfe method and its objective: tangents lie above, textbook optima are met."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 
@@ -12,8 +10,6 @@ from small_searches import forecast_of, paths_of, search, success_of
 from DroneSwarmSearch._internal.erf import erf
 from DroneSwarmSearch.bound.frank_wolfe import frank_wolfe
 from DroneSwarmSearch.bound.objectives import MarkovChainObjective
-from DroneSwarmSearch.bound.paths import values_to_go
-from DroneSwarmSearch.bound.success import drone_paths
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
 from DroneSwarmSearch.policies import make
 
@@ -31,7 +27,7 @@ class TestObjective:
     def chain(self, effort: Floats, rate: float) -> MarkovChainObjective:
         return MarkovChainObjective(self.FORECAST, rate, effort.reshape(self.SHAPE))
 
-    def test_at_deterministic_paths_equal_the_success_of_the_plan(self) -> None:
+    def test_at_deterministic_paths_equal_the_success_of_the_plan(self):
         paths = paths_of(make("greedy-posterior", self.OF.scenario), self.OF)
         success = success_of(self.OF, paths)[0]
         assert success > 0.1
@@ -42,7 +38,7 @@ class TestObjective:
         exact = self.chain(effort, -math.log(0.4)).value()
         assert exact == pytest.approx(success, rel=1e-12)
 
-    def test_tangents_of_the_chain_objective_touch_and_lie_above(self) -> None:
+    def test_tangents_of_the_chain_objective_touch_and_lie_above(self):
         rng = np.random.default_rng(0)
         rate = 0.8
         point = rng.random(self.SHAPE)
@@ -60,16 +56,6 @@ class TestObjective:
         for spread in (0.01, 0.5, 3.0):
             other = rng.random(self.SHAPE) * spread
             assert self.chain(other, rate).value() <= intercept + np.vdot(gains, other) + 1e-12
-
-
-def test_drone_paths_gain_as_much_as_the_best_paths() -> None:
-    gains = np.random.default_rng(3).random((6, 4, 4))
-    starts = [0, 7, 15]
-    gained, effort = drone_paths(starts, gains)
-    values = values_to_go(gains, np.zeros((4, 4)))[0, 0].reshape(-1)
-    assert gained == pytest.approx(values[starts].sum(), rel=1e-12)
-    assert gained == pytest.approx(np.vdot(gains, effort))
-    assert effort.sum() <= 18
 
 
 def free_effort(amount: float) -> Callable[[Floats], tuple[float, Floats]]:
@@ -96,7 +82,7 @@ class TestFreeEffort:
         return np.multiply.outer(chances, chances) / chances.sum() ** 2
 
     @pytest.mark.parametrize(("tau", "chance"), [(0.5, 0.158279), (2.0, 0.413064), (8.0, 0.773718)])
-    def test_around_a_datum(self, tau: float, chance: float) -> None:
+    def test_around_a_datum(self, tau, chance):
         """Koopman's table (Search and Screening, 1946): 1 - (1 + sqrt(tau)) exp(-sqrt(tau)).
 
         tau is H² t = W v t / (pi sigma²).

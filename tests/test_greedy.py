@@ -1,7 +1,5 @@
 """The greedy policies: their choices, and their success in whole episodes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
@@ -64,21 +62,19 @@ class TestChoice:
             ((1, 1), {(5, 2): 1.0}, Action.RIGHT),
         ],
     )
-    def test_moves_to_the_likely_cell_and_searches_it(
-        self, cell: tuple[int, int], peaks: dict[tuple[int, int], float], action: Action
-    ) -> None:
+    def test_moves_to_the_likely_cell_and_searches_it(self, cell, peaks, action):
         assert choose(7, [cell], peaks) == [action]
 
-    def test_different_drones_take_different_cells(self) -> None:
+    def test_different_drones_take_different_cells(self):
         # Both are nearer to the left peak; the nearest one gets it.
         actions = choose(9, [(3, 4), (4, 4)], {(2, 4): 0.5, (8, 4): 0.5})
         assert actions == [Action.LEFT, Action.RIGHT]
 
-    def test_drones_without_a_target_gather_around_the_only_one(self) -> None:
+    def test_drones_without_a_target_gather_around_the_only_one(self):
         actions = choose(9, [(0, 4), (8, 4), (4, 0)], {(4, 4): 1.0})
         assert actions == [Action.RIGHT, Action.LEFT, Action.DOWN]
 
-    def test_never_enters_an_occupied_or_claimed_cell(self) -> None:
+    def test_never_enters_an_occupied_or_claimed_cell(self):
         # Two drones next to the only likely cell, and one in it.
         actions = choose(5, [(1, 2), (3, 2), (2, 2)], {(2, 2): 1.0})
         assert actions == [Action.IDLE, Action.IDLE, Action.SEARCH]
@@ -90,7 +86,7 @@ class TestChoice:
         assert actions == [Action.IDLE, Action.RIGHT]
 
 
-def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode() -> None:
+def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode():
     here, there = (1, 3), (2, 3)
     peaks = {here: 0.2, there: 0.19, (6, 6): 0.01}
     policy = GreedyPolicy(Scenario(grid_size=7, n_drones=1))
@@ -105,7 +101,7 @@ def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode() 
     assert policy(seen(7, [here], peaks)) == search
 
 
-def test_posterior_greedy_ignores_unlikely_cells() -> None:
+def test_posterior_greedy_ignores_unlikely_cells():
     # Before the first search, forecast and posterior are equal.
     person = {"vector": (0, 0), "person_initial_position": (9, 9), "disperse_constant": 50}
     env = DroneSwarmSearch(20, **person, timestep_limit=60, bayesian_update=True)
@@ -124,7 +120,7 @@ def test_posterior_greedy_ignores_unlikely_cells() -> None:
 class TestForecastGreedy:
     """Greedy on the posterior at the time of arrival."""
 
-    def test_meets_a_person_whose_drift_is_certain(self) -> None:
+    def test_meets_a_person_whose_drift_is_certain(self):
         # From (2, 5), one cell to the right in each step: in (7, 5) after five steps.
         person = {"person_initial_position": (2, 5), "vector": (1, 0), "disperse_constant": 0}
         of = search([(7, 0)], grid_size=40, timestep_limit=8, **person)
@@ -134,7 +130,7 @@ class TestForecastGreedy:
         assert success_of(of, [path]) == [1.0]
         assert success_of(of, paths_of(PosteriorGreedyPolicy(of.scenario), of)) == [0.0]
 
-    def test_targets_have_the_best_discounted_success_on_arrival(self) -> None:
+    def test_targets_have_the_best_discounted_success_on_arrival(self):
         persons = [
             Person([Drift((3, 9), vector=(0.6, -0.3)), Drift((12, 12), vector=(-0.4, -0.5))], 0.6),
             Person(Drift((9, 2), start_sd=1, vector=(0.1, 0.5), diffusion=0.3), 0.9),

@@ -1,7 +1,5 @@
 """The house: imports point one way, and docs/design.md shows every module."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from functools import cache

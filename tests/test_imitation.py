@@ -1,9 +1,6 @@
 """The trained policy: its network, its file format, and its safety and success."""
 
-from __future__ import annotations
-
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,7 +38,7 @@ def scenario(**parameters: Any) -> Scenario:
 
 
 class TestNetwork:
-    def test_is_a_perceptron_whose_last_layer_also_sees_the_inputs(self) -> None:
+    def test_is_a_perceptron_whose_last_layer_also_sees_the_inputs(self):
         (first, bias), (second, offset) = made = network_layers(4)
         seen = np.random.default_rng(1).random((3, INPUTS)).astype(np.float32)
         moves, searches = [], []
@@ -56,7 +53,7 @@ class TestNetwork:
         wanted = np.stack([left, right, up, down, np.mean(searches, axis=0)], axis=1)
         assert np.allclose(Network(made)(seen), wanted, rtol=1e-4, atol=1e-3)
 
-    def test_is_restored_from_a_file(self, tmp_path: Path) -> None:
+    def test_is_restored_from_a_file(self, tmp_path):
         network, seen = Network(network_layers(7)), np.ones((2, INPUTS), np.float32)
         network.save(tmp_path / "weights.npz")
         assert plain(Network.load(tmp_path / "weights.npz")(seen)) == plain(network(seen))
@@ -69,7 +66,7 @@ class TestNetwork:
             ([(np.zeros((INPUTS, 2)), np.zeros(4))], r"as many biases as outputs, got .*\(4,\)"),
         ],
     )
-    def test_rejects_layers_that_do_not_fit(self, made: Layers, message: str) -> None:
+    def test_rejects_layers_that_do_not_fit(self, made, message):
         with pytest.raises(ValueError, match=message):
             Network(made)
 
@@ -81,9 +78,7 @@ class TestNetwork:
             ({"weights1": np.zeros((2, 2))}, "biases1"),
         ],
     )
-    def test_rejects_files_without_a_network(
-        self, tmp_path: Path, arrays: dict[str, Any], message: str
-    ) -> None:
+    def test_rejects_files_without_a_network(self, tmp_path, arrays, message):
         path = tmp_path / "weights.npz"
         with pytest.raises(FileNotFoundError):
             Network.load(path)
@@ -94,7 +89,7 @@ class TestNetwork:
         with pytest.raises(ValueError, match=rf"weights\.npz must hold .*: .*{message}"):
             Network.load(path)
 
-    def test_never_unpickles(self, tmp_path: Path) -> None:
+    def test_never_unpickles(self, tmp_path):
         path = tmp_path / "weights.npz"
         np.savez(path, weights0=np.array([{}], object), biases0=np.zeros(2), allow_pickle=True)
         with pytest.raises(ValueError, match="must hold a network's weights"):
@@ -102,7 +97,7 @@ class TestNetwork:
 
 
 class TestSimulations:
-    def test_with_one_person_it_is_never_below_its_parts(self) -> None:
+    def test_with_one_person_it_is_never_below_its_parts(self):
         """Compared by the exact probability of success, from a coverage mission."""
         drawn = scenario(
             grid_size=12,
@@ -120,13 +115,8 @@ class TestSimulations:
         )
         assert fewer == pytest.approx(max(others)) and found >= max(*others, fewer) - 1e-9
 
-    @pytest.mark.parametrize(("samples", "error"), [(-1, ValueError), (1.5, TypeError)])
-    def test_rejects_invalid_numbers_of_samples(self, samples: Any, error: type) -> None:
-        with pytest.raises(error, match="samples must be"):
-            ImitationPolicy(scenario(), samples=samples)
 
-
-def test_the_default_weights_beat_a_pattern_on_a_search_outside_training() -> None:
+def test_the_default_weights_beat_a_pattern_on_a_search_outside_training():
     drawn = scenario(
         grid_size=13,  # smaller than any grid of the training
         n_drones=3,

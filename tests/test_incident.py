@@ -1,7 +1,5 @@
 """Incidents: from degrees to flights that come back in time and find what they promise."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys
@@ -40,7 +38,7 @@ KNOWN: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def plan() -> FlightPlan:
+def plan():
     return Incident(**KNOWN, drones=2, endurance="30 min").plan()
 
 
@@ -49,7 +47,7 @@ def plan() -> FlightPlan:
 
 @pytest.mark.parametrize("latitude", [0.0, 54.2, -69.5, 84.0])
 @pytest.mark.parametrize(("distance", "most"), [(1e3, 1e-4), (5e4, 0.6), (1e5, 4.2)])
-def test_the_plane_agrees_with_the_ellipsoid(latitude: float, distance: float, most: float) -> None:
+def test_the_plane_agrees_with_the_ellipsoid(latitude, distance, most):
     longitude, count = 179.9, 32
     plane, azimuths = TangentPlane(latitude, longitude), np.linspace(0, 360, count)
     there = GEOD.fwd(*np.tile([[longitude], [latitude]], count), azimuths, np.full(count, distance))
@@ -61,7 +59,7 @@ def test_the_plane_agrees_with_the_ellipsoid(latitude: float, distance: float, m
     assert abs(GEOD.inv(back[:, 1], back[:, 0], there[0], there[1])[2]).max() < 1e-6
 
 
-def test_north_is_north_where_the_search_is() -> None:
+def test_north_is_north_where_the_search_is():
     """After 12 hours at 70 degrees north, the drift has turned with the meridians."""
     incident = Incident(
         position=(70, 20),
@@ -90,7 +88,7 @@ def test_north_is_north_where_the_search_is() -> None:
 @pytest.mark.parametrize(
     "name", ["PIW-1", "PIW-4", "LIFE-RAFT-NB-2", "SKIFF-4", "FISHING-VESSEL-1"]
 )
-def test_particles_have_the_moments_of_the_leeway_model(name: str) -> None:
+def test_particles_have_the_moments_of_the_leeway_model(name):
     """Without jibing to speak of: an hour adrift, against the formulas of `ObjectClass.speeds`."""
     wind, hours = np.array([6.0, -8.0]), 0.5
     known = {"position": (0, 0), "time": NOON, "start": NOON + timedelta(hours=hours)}
@@ -118,7 +116,7 @@ def test_particles_have_the_moments_of_the_leeway_model(name: str) -> None:
     assert right.std() == pytest.approx(spread, rel=0.03)
 
 
-def test_errors_of_wind_and_current_widen_the_map() -> None:
+def test_errors_of_wind_and_current_widen_the_map():
     """A wind error moves rafts downwind by their leeway; a current error moves everything."""
     alone = {**KNOWN, "position_sd": 0, "object_class": "PIW-6", "endurance": 60}
     errors = {"none": (0, 0), "current": (0, 0.3), "wind": (3, 0)}
@@ -137,7 +135,7 @@ def test_errors_of_wind_and_current_widen_the_map() -> None:
     assert grown > 0.8 * slope * 3 * 3600 * downwind
 
 
-def test_winds_and_currents_change_in_time() -> None:
+def test_winds_and_currents_change_in_time():
     """A current that turns back after an hour brings persons back."""
     tide = {0: (0.5, 0.0), 3600: (0.5, 0.0), 3601: (-0.5, 0.0)}
     still = {**KNOWN, "wind": (0, 0), "wind_error": 0, "current_error": 0, "endurance": 3600}
@@ -149,7 +147,7 @@ def test_winds_and_currents_change_in_time() -> None:
 # Winds as people type them.
 
 
-def test_flows_are_read_as_they_are_typed(tmp_path: Path) -> None:
+def test_flows_are_read_as_they_are_typed(tmp_path):
     (tmp_path / "wind.csv").write_text(
         "time, direction, speed\n2026-03-01T05:30Z, 300, 25kn\n2026-03-01T08:00Z, 320, 30 kn\n"
     )
@@ -194,14 +192,8 @@ PATTERNS = st.builds(
     turn=st.floats(0, 10),
 )
 def test_every_leg_can_be_flown_in_the_wind_and_the_drone_returns(
-    pattern: Pattern,
-    wind: Any,
-    veers: bool,
-    speed: float,
-    endurance: float,
-    reserve: float,
-    turn: float,
-) -> None:
+    pattern, wind, veers, speed, endurance, reserve, turn
+):
     later = {0: wind, 3600: wind, 4 * 3600: (-wind[1], wind[0])}
     values: dict[str, Any] = {
         "speed": speed,
@@ -237,7 +229,7 @@ def test_every_leg_can_be_flown_in_the_wind_and_the_drone_returns(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_patterns_are_those_of_the_manual(kind: str) -> None:
+def test_patterns_are_those_of_the_manual(kind):
     """To starboard from a first leg to the north: where the first legs end, in units of 100 m."""
     pattern = Pattern(kind, np.zeros(2), 0.0, 500.0, 100.0, 3, 1, np.zeros(2))
     half, wide = 2.5, 5 * math.sqrt(3) / 2
@@ -252,7 +244,7 @@ def test_patterns_are_those_of_the_manual(kind: str) -> None:
     assert port == pytest.approx(points * (-1, 1), abs=1e-9)
 
 
-def test_drones_fly_at_heights_of_their_own_and_search_between(plan: FlightPlan) -> None:
+def test_drones_fly_at_heights_of_their_own_and_search_between(plan):
     assert len(plan.flights) == len(plan.orders) == 2
     for number, flight in enumerate(plan.flights):
         assert {each.altitude for each in flight} == {100 + 20 * number}
@@ -302,14 +294,14 @@ def found(plan: FlightPlan, persons: int = 20_000, seed: int = 5) -> float:
     ],
     ids=str,
 )
-def test_simulated_persons_are_found_as_often_as_stated(values: dict[str, Any]) -> None:
+def test_simulated_persons_are_found_as_often_as_stated(values):
     plan = Incident(**{**KNOWN, "drones": 1, "endurance": "30 min", **values}).plan()
     assert found(plan) == pytest.approx(plan.probability_of_success, abs=0.015)
     assert plan.success(plan.on_scene) == 0.0 < plan.success(plan.on_scene + timedelta(minutes=9))
     assert plan.success(plan.landed) == plan.probability_of_success
 
 
-def test_plans_beat_a_rectangle_around_the_middle(plan: FlightPlan) -> None:
+def test_plans_beat_a_rectangle_around_the_middle(plan):
     """Parallel tracks of a swath around the mean of the particles, the same for both drones."""
     incident, pattern = plan.incident, plan.patterns[0]
     middle = plan.particles.mean(incident.seconds(incident.start) + incident.endurance / 2)
@@ -330,7 +322,7 @@ def test_plans_beat_a_rectangle_around_the_middle(plan: FlightPlan) -> None:
 
 
 @pytest.mark.good_plans
-def test_the_second_sortie_begins_with_the_posterior_of_the_first(plan: FlightPlan) -> None:
+def test_the_second_sortie_begins_with_the_posterior_of_the_first(plan):
     again = plan.incident.after(plan)
     assert again.start == plan.landed + timedelta(minutes=30)
     fresh = replace(again, flown=())
@@ -347,7 +339,7 @@ def test_the_second_sortie_begins_with_the_posterior_of_the_first(plan: FlightPl
 # Files, tracks, the grid and errors.
 
 
-def test_an_incident_survives_its_file(plan: FlightPlan, tmp_path: Path) -> None:
+def test_an_incident_survives_its_file(plan, tmp_path):
     file = tmp_path / "incident.json"
     tide = ["90 0.5kn", "270 0.25kn@06:30Z"]
     typed = ("54-10.8N", "007-51.0E")
@@ -370,7 +362,7 @@ def test_an_incident_survives_its_file(plan: FlightPlan, tmp_path: Path) -> None
     assert values["base"] is None, "so that it moves with the position"
 
 
-def test_tracks_take_the_place_of_class_and_current(tmp_path: Path) -> None:
+def test_tracks_take_the_place_of_class_and_current(tmp_path):
     rng, times = np.random.default_rng(0), 120
     start = np.array([179.99, 10.0]) + rng.normal(0, 0.01, (2000, 1, 2))
     degrees = start + np.linspace(0, 0.02, times)[:, None] * [1, 0.5]
@@ -400,14 +392,14 @@ def test_tracks_take_the_place_of_class_and_current(tmp_path: Path) -> None:
         Incident(tracks=path, start=NOON + timedelta(minutes=20)).particles(100, 0)
 
 
-def test_files_of_tracks_may_have_any_name(tmp_path: Path) -> None:
+def test_files_of_tracks_may_have_any_name(tmp_path):
     path = write(tmp_path / "tracks.oil", [[(4.8, 60.0)] * 120] * 20, seconds=np.arange(120) * 60.0)
     incident = Incident(tracks=path)
     incident.save(tmp_path / "elsewhere" / "incident.json")
     assert Incident.read(tmp_path / "elsewhere" / "incident.json").position == incident.position
 
 
-def test_the_search_on_a_grid_has_the_particles_as_tracks() -> None:
+def test_the_search_on_a_grid_has_the_particles_as_tracks():
     incident = Incident(**KNOWN)
     search = incident.search()
     scenario, metres = search.scenario, search.scale.metres_per_cell
@@ -427,7 +419,7 @@ def test_the_search_on_a_grid_has_the_particles_as_tracks() -> None:
     assert wide.scenario.persons[0].probability_of_detection == pytest.approx(0.8 / size)
 
 
-def test_a_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "cmaes", None)
     with pytest.raises(ImportError, match=r"needs the package cmaes: pip install .*\[plan\]"):
         Incident(**KNOWN).plan()
@@ -464,16 +456,14 @@ def test_a_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> N
         ({"reserve": 2700}, "reserve must be less than the endurance, 2700 s, got 2700 s"),
     ],
 )
-def test_bad_input_is_refused_in_one_sentence(values: dict[str, Any], message: str) -> None:
+def test_bad_input_is_refused_in_one_sentence(values, message):
     with pytest.raises(ValueError, match=r"\.|.") as caught:
         Incident(**{**KNOWN, **values}).plan()
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
 
 
-def test_faults_of_a_file_are_told_from_those_of_options(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_faults_of_a_file_are_told_from_those_of_options(tmp_path, capsys):
     def errors(*options: str) -> str:
         with pytest.raises(SystemExit, match="2"):
             main(["plan", "--incident", str(path), "--out", str(tmp_path / "plan"), *options])

@@ -1,7 +1,5 @@
 """The observation layouts, compared with plain implementations, and their building blocks."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -12,12 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from layouts_by_hand import TOP_CELLS, drone_by_hand, swarm_by_hand, top_cells
 
-from DroneSwarmSearch.layouts import (
-    JOINT_LAYOUTS,
-    LAYOUTS,
-    Layout,
-    remaining_time_fraction,
-)
+from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, remaining_time_fraction
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout, likeliest_cells
 
 BY_HAND = [name for name in LAYOUTS if name != "crops"]  # see test_crops.py
@@ -56,7 +49,7 @@ def written(layout: Layout, shown: Arguments, *leading: int) -> Any:
 
 @pytest.mark.parametrize("name", BY_HAND)
 @pytest.mark.parametrize("drones", [1, 3])
-def test_drone_layouts_match_plain_implementations(name: str, drones: int) -> None:
+def test_drone_layouts_match_plain_implementations(name, drones):
     shown = arguments(drones=drones)
     layout = LAYOUTS[name](6, drones)
     out = written(layout, shown, 5, drones)
@@ -73,7 +66,7 @@ def test_drone_layouts_match_plain_implementations(name: str, drones: int) -> No
 
 
 @pytest.mark.parametrize("name", JOINT_LAYOUTS)
-def test_swarm_layouts_match_plain_implementations(name: str) -> None:
+def test_swarm_layouts_match_plain_implementations(name):
     shown = arguments()
     joint = LAYOUTS[name](6, 3, joint=True)
     out = written(joint, shown, 5, 1)
@@ -92,7 +85,7 @@ def test_swarm_layouts_match_plain_implementations(name: str) -> None:
     cells=st.lists(st.sampled_from([0.0, 0.1, 0.25, 0.3, 1.0]), min_size=16, max_size=16),
     k=st.integers(1, 16),
 )
-def test_top_cells_are_sorted_by_probability_then_index(cells: list[float], k: int) -> None:
+def test_top_cells_are_sorted_by_probability_then_index(cells, k):
     matrix = np.float32(cells).reshape(1, 4, 4)
     found, probabilities = likeliest_cells(matrix, k)
     wanted = np.argsort(-matrix.reshape(-1), kind="stable")[:k]
@@ -100,7 +93,7 @@ def test_top_cells_are_sorted_by_probability_then_index(cells: list[float], k: i
     assert plain(probabilities) == plain(matrix.reshape(-1)[wanted][None])
 
 
-def test_the_number_of_top_cells() -> None:
+def test_the_number_of_top_cells():
     positions, matrices, left = arguments()
     for k in (1, 3, 36):
         layout = TopCellsLayout(6, 3, k)
@@ -115,7 +108,7 @@ def test_the_number_of_top_cells() -> None:
             TopCellsLayout(6, 3, wrong)
 
 
-def test_equally_near_drones_are_sorted_by_number() -> None:
+def test_equally_near_drones_are_sorted_by_number():
     positions = np.array([[(2, 2), (2, 3), (2, 1), (2, 4), (1, 2)]], np.int32)
     _, matrices, left = arguments(1)
     out = written(TopCellsLayout(6, 5, 1), (positions, matrices, left), 1, 5)

@@ -1,7 +1,5 @@
 """The figures of the published pages are those of the CSV file."""
 
-from __future__ import annotations
-
 import csv
 import re
 from pathlib import Path
@@ -31,7 +29,7 @@ def shown(value: float, row: Row) -> str:
     return f"{'~' * (row['method'] != 'exact')}{100 * value:.1f}"
 
 
-def test_the_table_of_policies_has_the_means_the_best_first() -> None:
+def test_the_table_of_policies_has_the_means_the_best_first():
     summary, _ = tables_of(TEXT)
     successes = []
     for policy, *figures, decision in summary[1:-1]:
@@ -51,7 +49,7 @@ def test_the_table_of_policies_has_the_means_the_best_first() -> None:
     assert summary[-1] == ["bound", f"{100 * fmean(bounds.values()):.1f}", "", "", ""]
 
 
-def test_the_table_of_searches_has_every_success() -> None:
+def test_the_table_of_searches_has_every_success():
     _, searches = tables_of(TEXT)
     policies = [name.removesuffix(SUBMITTED) for name in searches[0][2:]]
     assert {(name, line[0]) for name in policies for line in searches[1:]} == {*rows()}
@@ -64,7 +62,7 @@ def test_the_table_of_searches_has_every_success() -> None:
             assert figure == (f"**{shown(value, row)}**" if value == best else shown(value, row))
 
 
-def test_submissions_are_marked_and_have_the_success_that_they_claim() -> None:
+def test_submissions_are_marked_and_have_the_success_that_they_claim():
     for table in tables_of(TEXT):
         names = [cell for row in (*table, table[0]) for cell in (row[0], *table[0])]
         marked = {name.removesuffix(SUBMITTED) for name in names if name.endswith(SUBMITTED)}
@@ -79,7 +77,7 @@ def test_submissions_are_marked_and_have_the_success_that_they_claim() -> None:
         )
 
 
-def test_open_problems_are_the_gaps_to_the_bounds_the_largest_first() -> None:
+def test_open_problems_are_the_gaps_to_the_bounds_the_largest_first():
     gaps, *_ = tables_of(PROBLEMS)
     submitted = {row["name"] for row in submissions()}
     expected = []
@@ -94,7 +92,7 @@ def test_open_problems_are_the_gaps_to_the_bounds_the_largest_first() -> None:
     assert gaps[1:] == [row for _, row in sorted(expected, reverse=True)]
 
 
-def test_the_text_states_the_share_and_the_confidence_of_the_bounds() -> None:
+def test_the_text_states_the_share_and_the_confidence_of_the_bounds():
     by_search: dict[str, list[Row]] = {}
     for (_, search), row in rows().items():
         by_search.setdefault(search, []).append(row)
@@ -108,7 +106,7 @@ def test_the_text_states_the_share_and_the_confidence_of_the_bounds() -> None:
 
 
 @pytest.mark.pictures
-def test_the_plots_exist() -> None:
+def test_the_plots_exist():
     names = re.findall(r"\((\w+-light\.svg)\)", TEXT)
     assert names == ["time-light.svg", "success-light.svg"]
     assert all((FOLDER / name).exists() for name in names)

@@ -1,12 +1,9 @@
 """Leeway: coefficients, velocities, and persons that drift like the full model."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable
 from datetime import datetime
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +12,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scale, Scenario, leeway
-from DroneSwarmSearch.policies import make
+from DroneSwarmSearch import Drift, Person, Scale, leeway
 
 NAN, INF = math.nan, math.inf
 SCALE = Scale(130, 13)
@@ -174,25 +170,6 @@ def test_right_and_left_of_the_wind():
     assert right.vector_sd == pytest.approx((0.00171, 0.00393), abs=1e-5)
 
 
-@pytest.mark.parametrize("name", ["PIW-4", "FISHING-VESSEL-1"])
-def test_more_hypotheses_where_the_leeway_is_correlated(name):
-    """A correlation above 1/4 requires three on each side; they overlap, so the map has no gaps."""
-    for direction in range(0, 360, 30):
-        usual = {"start": (30, 30), "wind": leeway.wind_from(direction, 15), "scale": SCALE}
-        velocities = simulated(leeway.CLASSES[name], usual["wind"], 50_000, seed=5)
-        covariance = np.cov(velocities[::2].T)  # of the objects right of the wind
-        correlation = abs(covariance[0, 1]) / math.sqrt(covariance[0, 0] * covariance[1, 1])
-        drifts = leeway.person(name, **usual).drift.drifts
-        if abs(correlation - 0.25) > 0.02:
-            assert len(drifts) == (6 if correlation > 0.25 else 2), (direction, correlation)
-        side = drifts[: len(drifts) // 2]
-        for one, other in pairwise(side):
-            apart = np.subtract(other.vector, one.vector)
-            distance = math.hypot(*apart)
-            width = math.hypot(*np.multiply(apart / distance, one.vector_sd))
-            assert width >= 0.3 * distance
-
-
 def test_a_calm_leaves_the_current_alone():
     person = leeway.person("PIW-1", start=(30, 30), wind=(0, 0), current=(0.5, 1), scale=SCALE)
     vector = SCALE.vector((0.5, 1))
@@ -314,69 +291,6 @@ def test_a_series_is_linear_between_its_times():
     assert [each.vector_sd for each in tide.drift.drifts] == [
         each.vector_sd for each in constant.drift.drifts
     ]
-
-
-TIDE = {3600 * hour: (0.6 * math.cos(2 * math.pi * (hour + 1) / 12.4), 0.0) for hour in range(6)}
-
-
-def in_the_tide(seconds: np.ndarray, count: int) -> np.ndarray:
-    """Positions (east, north) in metres of objects "PIW-3": shape (times, count, 2)."""
-    rng = np.random.default_rng(1)
-    speeds, errors = leeway.CLASSES["PIW-3"].speeds(6.0), rng.normal(size=(2, count))
-    right = speeds.right + speeds.right_sd * errors[0], speeds.left + speeds.left_sd * errors[0]
-    across = np.where(rng.random(count) < 0.5, *right)
-    velocity = np.stack([across, speeds.downwind + speeds.downwind_sd * errors[1]], axis=-1)
-    east = np.interp(np.arange(seconds[-1] + 1), list(TIDE), [east for east, _ in TIDE.values()])
-    carried = np.cumsum(east)[seconds.astype(int)]
-    strays = np.diff(seconds, prepend=0.0)[:, None, None] ** 0.5 * rng.normal(
-        0, 2, (len(seconds), count, 2)
-    )
-    strays[0] += rng.normal(0, 200, (count, 2))
-    positions = seconds[:, None, None] * velocity + np.cumsum(strays, axis=0)
-    positions[..., 0] += carried[:, None]
-    return positions
-
-
-@pytest.mark.parametrize(("current", "gap"), [(TIDE, (0, 0.03)), (None, (0.3, 0.5))])
-def test_in_a_tide_that_turns_plans_keep_what_they_promise(current, gap):
-    """The search is at slack water. With the mean current, plans miss half of the objects."""
-    scale, size, steps, adrift = Scale.for_drone(speed=10, swath=150), 41, 240, 3 * 3600
-    seconds = adrift + scale.seconds_per_step * np.arange(steps)
-    objects = in_the_tide(seconds, 5000) * (1, -1) / scale.metres_per_cell
-    start = size // 2 - objects[steps // 2].mean(axis=0)
-    hours = np.arange(0, seconds[-1] / 3600, 0.01)
-    person = leeway.person(
-        "PIW-3",
-        start=start,
-        position_sd=200,
-        wind=(0, 6),
-        current=current or (0.6 * np.cos(2 * np.pi * (hours + 1) / 12.4).mean(), 0.0),
-        diffusivity=2,
-        adrift=adrift,
-        jibing=0,
-        scale=scale,
-        probability_of_detection=0.8,
-    )
-    scenario = Scenario(size, 2, persons=[person], timestep_limit=steps, mission="coverage")
-    env, policy = DroneSwarmSearch(scenario=scenario), make("greedy-posterior", scenario)
-    observations, infos = env.reset(seed=0, drones_positions=[(19, 20), (21, 20)])
-    missed = np.ones(len(objects[0]))
-    for positions in objects:
-        cells, actions = np.floor(start + positions + 0.5), policy(observations)
-        for drone, action in actions.items():
-            if action == Action.SEARCH:
-                here = (cells == observations[drone]["observation"][0]).all(axis=1)
-                missed[here] *= 1 - person.probability_of_detection
-        observations, *_, infos = env.step(actions)
-    least, most = gap
-    assert least <= infos["probability_of_success"] - (1 - missed.mean()) <= most
-    assert infos["probability_of_success"] > 0.85
-
-
-def test_even_a_month_adrift_has_a_forecast():
-    person = leeway.person("PIW-1", **{**USUAL, "adrift": 30 * 24 * 3600, "jibing": 1})
-    assert all(math.isfinite(number) for drift in person.drift.drifts for number in drift.start_sd)
-    assert math.fsum(person.drift.weights[:2]) < 1e-9
 
 
 # Everything else.

@@ -1,16 +1,14 @@
 """Drones that remember their last actions: best paths and credits, against every path."""
 
-from __future__ import annotations
-
 from functools import cache
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from DroneSwarmSearch.bound.memory import Histories, RememberingDrones
+from DroneSwarmSearch.bound.memory import RememberingDrones
 from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.bound.trajectories import Trajectories
 from DroneSwarmSearch.core.grid import MOVES
@@ -73,7 +71,7 @@ def cases(draw: st.DrawFn) -> Case:
 
 @settings(max_examples=15, derandomize=True)
 @given(cases())
-def test_no_path_gains_more_than_the_best_one(case: Case) -> None:
+def test_no_path_gains_more_than_the_best_one(case):
     trajectories, detection, memory, rng = case
     starts = [0, 4]
     drones = RememberingDrones(trajectories, SIZE, detection, starts, memory)
@@ -91,7 +89,7 @@ def test_no_path_gains_more_than_the_best_one(case: Case) -> None:
 
 @settings(max_examples=15, derandomize=True)
 @given(cases())
-def test_a_soft_flow_is_a_mixture_of_all_paths(case: Case) -> None:
+def test_a_soft_flow_is_a_mixture_of_all_paths(case):
     """A path's share is proportional to exp(what it gains); the flow collects the mean."""
     trajectories, detection, memory, rng = case
     count, starts = len(trajectories.probabilities), [0, 4]
@@ -116,7 +114,7 @@ def test_a_soft_flow_is_a_mixture_of_all_paths(case: Case) -> None:
 
 @settings(max_examples=15, derandomize=True)
 @given(cases())
-def test_fewer_steps_are_those_of_fewer_cells(case: Case) -> None:
+def test_fewer_steps_are_those_of_fewer_cells(case):
     (cells, probabilities), detection, memory, rng = case
     starts, weights = [0, 4], rng.random((2, len(probabilities)))
     whole = RememberingDrones(Trajectories(cells, probabilities), SIZE, detection, starts, memory)
@@ -127,23 +125,3 @@ def test_fewer_steps_are_those_of_fewer_cells(case: Case) -> None:
     flows = until.soft_flow(sums), fewer.soft_flow(fewer.sums(weights))
     collected = until.collected(flows[0]), fewer.collected(flows[1])
     np.testing.assert_allclose(*collected, rtol=1e-4)
-
-
-@settings(max_examples=25, derandomize=True)
-@given(cases())
-def test_credits_are_at_least_the_probability_of_finding(case: Case) -> None:
-    """More memory means less credit; with all of it, credits are the probability itself."""
-    trajectories, detection, _, rng = case
-    path = every_path(4)[rng.integers(len(every_path(4)))]
-    found = 1 - (1 - detection) ** looks(path, trajectories.cells).sum(axis=0)
-    credits = [
-        collected_by_hand(path, trajectories.cells, detection, memory)[0] for memory in range(STEPS)
-    ]
-    for more, less in pairwise(credits):
-        assert (more >= less - 1e-12).all()
-    np.testing.assert_allclose(credits[-1], found, atol=1e-12)
-
-
-def test_histories_are_few() -> None:
-    counts = [len(Histories(memory).all) for memory in range(6)]
-    assert counts == [1, 2, 7, 25, 88, 309]

@@ -4,8 +4,6 @@ Blocks marked ``py`` are scripts for the other package. A script followed by a t
 raise the error in that block; all others must run.
 """
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import importlib

@@ -1,7 +1,5 @@
 """Mirror ascent and its objective: tangents lie above, no mixture exceeds the bound."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -46,7 +44,7 @@ def success(collected: Floats, detection: float) -> Floats:
     st.sampled_from([0.3, 0.1, 0.001]),
     st.integers(0, 2**32),
 )
-def test_tangents_lie_above_and_nearly_touch(q: float, width: float, seed: int) -> None:
+def test_tangents_lie_above_and_nearly_touch(q, width, seed):
     rng, objective = np.random.default_rng(seed), TrajectoryObjective(q)
     searches = rng.choice([0.3, 2.0, 9.0]) * rng.random((2, 300))
     # Credits are at most q for each search.
@@ -61,7 +59,7 @@ def test_tangents_lie_above_and_nearly_touch(q: float, width: float, seed: int) 
 
 
 @pytest.mark.parametrize("detection", [1.0, 0.6])
-def test_no_mixture_exceeds_the_bound(detection: float) -> None:
+def test_no_mixture_exceeds_the_bound(detection):
     drones = drones_on(enumerate_trajectories(forecast_of(OF), 5), detection)
     objective, rng = TrajectoryObjective(detection), np.random.default_rng(0)
     solved = mirror_ascent(drones, objective, gap=0.002, iterations=300)
@@ -76,7 +74,7 @@ def test_no_mixture_exceeds_the_bound(detection: float) -> None:
         assert mean <= solved.upper_bound + 1e-6
 
 
-def test_batches_lead_to_the_same_maximum() -> None:
+def test_batches_lead_to_the_same_maximum():
     """All trajectories, a sample as a whole, and in batches, which still are one sample."""
     model, objective = forecast_of(OF), TrajectoryObjective(0.6)
     exact = mirror_ascent(
@@ -91,7 +89,7 @@ def test_batches_lead_to_the_same_maximum() -> None:
         assert 0.8 * count <= solved.effective <= count * (1 + 1e-9)
 
 
-def test_weights_that_repeat_count_for_less() -> None:
+def test_weights_that_repeat_count_for_less():
     """After one batch of two, the bound rests on half of the sample."""
     trajectories = equally_likely(sample_trajectories(forecast_of(OF), 5, 1000).cells)
     objective = TrajectoryObjective(0.6)

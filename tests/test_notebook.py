@@ -1,7 +1,5 @@
 """The tutorial as a notebook, and what notebooks show of environments and videos."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import io
@@ -21,7 +19,7 @@ make_notebook = module_at(ROOT / "docs" / "make_notebook.py")
 
 
 @pytest.fixture(scope="module")
-def notebook() -> dict[str, Any]:
+def notebook():
     content: dict[str, Any] = json.loads(make_notebook.NOTEBOOK.read_text("utf-8"))
     return content
 
@@ -36,14 +34,12 @@ def run_cell(source: str, names: dict[str, Any]) -> object:
     return eval(compile(ast.Expression(last.value), "cell", "eval"), names)
 
 
-def test_the_notebook_is_up_to_date() -> None:
+def test_the_notebook_is_up_to_date():
     text = make_notebook.NOTEBOOK.read_text("utf-8")
     assert text == make_notebook.notebook(), "python docs/make_notebook.py"
 
 
-def test_the_cells_run_in_order(
-    notebook: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_cells_run_in_order(notebook, tmp_path, monkeypatch):
     """They print what the tutorial shows."""
     pytest.importorskip("matplotlib")
     pytest.importorskip("PIL")
@@ -71,7 +67,7 @@ def test_the_cells_run_in_order(
     assert video.path.read_bytes().startswith(b"GIF89a")
 
 
-def test_a_public_address_adds_links() -> None:
+def test_a_public_address_adds_links():
     page = make_notebook.PAGE.read_text("utf-8")
     first, install, *_ = make_notebook.cells(page, "https://github.com/me/it")
     assert (
@@ -84,7 +80,7 @@ def test_a_public_address_adds_links() -> None:
     assert "](model.md)" not in text
 
 
-def test_an_environment_is_shown_as_a_picture() -> None:
+def test_an_environment_is_shown_as_a_picture():
     image = pytest.importorskip("PIL.Image")
     env = DroneSwarmSearch.example()
     assert env._repr_png_() is None

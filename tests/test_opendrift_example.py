@@ -1,11 +1,8 @@
 """The comparison with OpenDrift: its tracks, and a short run as users run it."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from datetime import datetime, timedelta
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -21,15 +18,13 @@ EXAMPLE = "compare_with_opendrift"
 
 
 @pytest.fixture(scope="module")
-def example() -> ModuleType:
+def example():
     return module(EXAMPLE)
 
 
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("wind", [(0.0, 10.0), (-6.0, 4.0), (5.0, 5.0)])
-def test_tracks_drift_as_the_coefficients_state(
-    example: ModuleType, wind: tuple[float, float]
-) -> None:
+def test_tracks_drift_as_the_coefficients_state(example, wind):
     """PIW-4 drifts further to the right than to the left of the wind."""
     options = argparse.Namespace(tracks=20_000, jibing=0.0)
     incident = example.Incident("PIW-4", wind, current=(0.2, -0.1), position_sd=0.0)
@@ -53,7 +48,7 @@ def test_tracks_drift_as_the_coefficients_state(
     [(["--fast", "--jibing", 0], 1), (["--random", 3], 3)],
     ids=["fast", "random"],
 )
-def test_map_and_plan_agree_with_opendrift(options: list[object], searches: int) -> None:
+def test_map_and_plan_agree_with_opendrift(options, searches):
     """The maps without jibing, because they leave it out while nobody searches."""
     printed = run(EXAMPLE, *options, "--tracks", 20_000)
     row = r"^ *(\S+)  (\(.*\)) +{}$"
@@ -70,7 +65,7 @@ def test_map_and_plan_agree_with_opendrift(options: list[object], searches: int)
         assert float(forecast) < float(found) + 5
 
 
-def test_a_plan_for_tracks_finds_what_it_promises_in_an_eddy_off_a_coast() -> None:
+def test_a_plan_for_tracks_finds_what_it_promises_in_an_eddy_off_a_coast():
     printed = run(EXAMPLE, "--coast", "--fast", "--tracks", 5000)
     assert re.search(
         r"<Tracks: 5,000 tracks, 432 steps, [1-9]\d\d stranded, from 2026-\S+, x", printed
@@ -84,7 +79,7 @@ def test_a_plan_for_tracks_finds_what_it_promises_in_an_eddy_off_a_coast() -> No
 
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("name", ["PIW-1", "SKIFF-1"])
-def test_a_person_in_a_tide_and_a_wind_that_turns_drifts_like_opendrift(name: str) -> None:
+def test_a_person_in_a_tide_and_a_wind_that_turns_drifts_like_opendrift(name):
     from opendrift.models.leeway import Leeway
     from opendrift.readers import reader_timeseries
 

@@ -1,9 +1,5 @@
 """The parts of the training loop in one file."""
 
-from __future__ import annotations
-
-from types import ModuleType
-
 import pytest
 from trainer_examples import module
 
@@ -13,13 +9,13 @@ torch = pytest.importorskip("torch")
 
 
 @pytest.fixture(scope="module")
-def example() -> ModuleType:
+def example():
     made = module("train_own_loop")
     made.SWARMS = 6
     return made
 
 
-def test_rollouts_hold_masked_actions_and_expected_rewards(example: ModuleType) -> None:
+def test_rollouts_hold_masked_actions_and_expected_rewards(example):
     torch.manual_seed(0)
     envs, agent, data, ended = example.make_envs(6), example.Agent(), {}, []
     observations, _ = envs.reset(seed=0)
@@ -35,9 +31,7 @@ def test_rollouts_hold_masked_actions_and_expected_rewards(example: ModuleType) 
     assert 0 < first <= total < first + example.SWARMS
 
 
-def test_returns_are_sums_of_rewards_until_the_end(
-    example: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_returns_are_sums_of_rewards_until_the_end(example, monkeypatch):
     """Without a discount, and whatever the critic says."""
     monkeypatch.setattr(example, "GAMMA", 1.0)
     monkeypatch.setattr(example, "GAE_LAMBDA", 1.0)
@@ -51,7 +45,7 @@ def test_returns_are_sums_of_rewards_until_the_end(
     assert float(data["advantages"].square().mean()) == pytest.approx(1.0, rel=1e-4)
 
 
-def test_updates_make_rewarded_actions_more_likely(example: ModuleType) -> None:
+def test_updates_make_rewarded_actions_more_likely(example):
     torch.manual_seed(4)
     agent = example.Agent()
     optimizer = torch.optim.Adam(agent.parameters())

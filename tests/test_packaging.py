@@ -1,7 +1,5 @@
 """The contents of the wheel and the sdist, and installation in every form."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os
@@ -30,8 +28,7 @@ pytestmark = [
         not (CHECKOUT / "DroneSwarmSearch").exists(), reason="there is no source tree to build"
     ),
     pytest.mark.skipif(
-        not all(map(importlib.util.find_spec, BUILDERS)),
-        reason=f"{', '.join(BUILDERS)} are needed",
+        not all(map(importlib.util.find_spec, BUILDERS)), reason=f"{', '.join(BUILDERS)} are needed"
     ),
 ]
 
@@ -71,7 +68,7 @@ def run(*command: object, cwd: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def built(tmp_path_factory):
     """A folder with the sdist, and the wheel built from the sdist."""
     folder = tmp_path_factory.mktemp("built")
     run(sys.executable, "-m", "build", "--no-isolation", "-o", folder, CHECKOUT, cwd=folder)

@@ -1,11 +1,8 @@
 """The map of a flight plan: what it says, where things are on it, and its files."""
 
-from __future__ import annotations
-
 import io
 import re
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -53,7 +50,7 @@ def texts(plan: FlightPlan) -> list[str]:
     ]
 
 
-def test_the_title_and_the_legend_say_what_is_planned() -> None:
+def test_the_title_and_the_legend_say_what_is_planned():
     plan = raft()
     shown = " ".join(" ".join(texts(plan)).split())
     for text in (
@@ -76,7 +73,7 @@ def test_the_title_and_the_legend_say_what_is_planned() -> None:
     assert {"N", "50%", "90%", "drone 0", "drone 1", "drone 2", "5"} <= set(texts(plan))
 
 
-def test_ticks_are_where_their_positions_are() -> None:
+def test_ticks_are_where_their_positions_are():
     plan = planned((69.9, 18.2), (69.9, 18.2), 1)
     axes: Any = drawn(plan).axes[0]
     x, y = np.mean(axes.get_xlim()), np.mean(axes.get_ylim())
@@ -92,7 +89,7 @@ def test_ticks_are_where_their_positions_are() -> None:
 
 
 @pytest.mark.parametrize("longitude", [179.965, 179.985])
-def test_longitudes_change_their_letter_at_the_date_line(longitude: float) -> None:
+def test_longitudes_change_their_letter_at_the_date_line(longitude):
     ticks = [
         each
         for each in texts(planned((-17.1, longitude), (-17.1, longitude), 1))
@@ -103,7 +100,7 @@ def test_longitudes_change_their_letter_at_the_date_line(longitude: float) -> No
     assert any(each.startswith("180°00.0'") for each in ticks)
 
 
-def test_a_place_off_the_map_has_its_distance_and_direction() -> None:
+def test_a_place_off_the_map_has_its_distance_and_direction():
     plan = raft()
     (text,) = (each for each in texts(plan) if each.startswith("take-off,"))
     found = re.fullmatch(r"take-off, 06:30: ([\d.]+) km \(([\d.]+) NM\), (\d+)° from there", text)
@@ -116,7 +113,7 @@ def test_a_place_off_the_map_has_its_distance_and_direction() -> None:
     assert not any(each.startswith("last known position, 05:30:") for each in texts(plan))
 
 
-def test_contours_hold_half_and_nine_tenths_of_the_probability() -> None:
+def test_contours_hold_half_and_nine_tenths_of_the_probability():
     plan = raft()
     axes: Any = drawn(plan).axes[0]
     held = []
@@ -130,14 +127,14 @@ def test_contours_hold_half_and_nine_tenths_of_the_probability() -> None:
     assert held == pytest.approx([0.5, 0.9, 0.5, 0.9], abs=0.03)
 
 
-def test_tracks_differ_without_colours() -> None:
+def test_tracks_differ_without_colours():
     content = io.StringIO()
     drawn(raft(4)).savefig(content, format="svg")
     dashes = set(re.findall("stroke-dasharray: ([^;]+);", content.getvalue()))
     assert len(dashes) >= 4  # those of three drones, and of the first areas
 
 
-def test_the_files_are_of_one_size_and_equal_maps_make_equal_files(tmp_path: Path) -> None:
+def test_the_files_are_of_one_size_and_equal_maps_make_equal_files(tmp_path):
     for folder in (tmp_path / "first", tmp_path / "second"):
         chart.save(raft(1), folder)
     png = (tmp_path / "first" / "map.png").read_bytes()

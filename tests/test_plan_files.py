@@ -1,11 +1,8 @@
 """The files of a flight plan in the readers that people use, and flights from CSV files."""
 
-from __future__ import annotations
-
 import csv
 import json
 from datetime import datetime, timedelta, timezone
-from pathlib import Path
 
 import gpxpy
 import numpy as np
@@ -17,7 +14,7 @@ from fastkml import Folder, GroundOverlay, LineStyle, Placemark, kml
 from fastkml.utils import find_all
 from pymavlink import mavwp
 
-from DroneSwarmSearch.incident import FlightPlan, Incident, Waypoint, files, missions
+from DroneSwarmSearch.incident import Incident, Waypoint, files, missions
 
 pytest.importorskip("cmaes")
 
@@ -27,7 +24,7 @@ MILLISECOND = timedelta(milliseconds=1)
 
 
 @pytest.fixture(scope="module", params=[NORTH_SEA, FIJI], ids=["north_sea", "date_line"])
-def plan(request) -> FlightPlan:
+def plan(request):
     incident = Incident(
         position=request.param,
         time="2026-03-01T05:30Z",
@@ -41,7 +38,7 @@ def plan(request) -> FlightPlan:
 
 
 @pytest.fixture(scope="module")
-def folder(plan: FlightPlan, tmp_path_factory) -> Path:
+def folder(plan, tmp_path_factory):
     there = tmp_path_factory.mktemp("plan")
     files.save(plan, there)
     return there
@@ -53,7 +50,7 @@ def away(point: tuple[float, ...], waypoint: Waypoint) -> float:
     return max(abs(across), abs(point[1] - waypoint.latitude))
 
 
-def test_gpx_has_a_route_for_each_drone(plan: FlightPlan, folder: Path):
+def test_gpx_has_a_route_for_each_drone(plan, folder):
     routes = gpxpy.parse((folder / "plan.gpx").read_text("utf-8")).routes
     assert [route.name for route in routes] == ["drone 0", "drone 1", "drone 2"]
     for route, flight in zip(routes, plan.flights, strict=True):
@@ -66,7 +63,7 @@ def test_gpx_has_a_route_for_each_drone(plan: FlightPlan, folder: Path):
     assert routes[1].points[3].name == "1-03"
 
 
-def test_kml_is_valid_and_shows_flights_in_time(plan: FlightPlan, folder: Path):
+def test_kml_is_valid_and_shows_flights_in_time(plan, folder):
     # With lxml, fastkml checks the file against the schema of KML 2.2.
     (document,) = kml.KML.parse(folder / "plan.kml").features
     assert document.description == plan.incident.sentence
@@ -91,7 +88,7 @@ def test_kml_is_valid_and_shows_flights_in_time(plan: FlightPlan, folder: Path):
     assert len({line.color for line in lines}) == len(plan.flights)
 
 
-def test_the_map_in_kml_lies_where_the_grid_does(plan: FlightPlan, folder: Path):
+def test_the_map_in_kml_lies_where_the_grid_does(plan, folder):
     overlays = list(find_all(kml.KML.parse(folder / "plan.kml"), of_type=GroundOverlay))
     matrix, (west, south), (east, north) = plan.density(plan.on_scene)
     opacity, size, half = [], len(matrix), (east - west) / 2
@@ -121,7 +118,7 @@ def when(text: str) -> datetime:
     return datetime.fromisoformat(text.replace("Z", "+00:00"))
 
 
-def test_geojson_has_lines_and_waypoints(plan: FlightPlan, folder: Path):
+def test_geojson_has_lines_and_waypoints(plan, folder):
     collection = json.loads((folder / "plan.geojson").read_text("utf-8"))
     assert collection["type"] == "FeatureCollection"
     known, *features = collection["features"]
@@ -157,7 +154,7 @@ def test_geojson_has_lines_and_waypoints(plan: FlightPlan, folder: Path):
 FIELDS = {"autoContinue", "command", "doJumpId", "frame", "params", "type"}
 
 
-def test_missions_are_read_by_ground_stations(plan: FlightPlan, tmp_path: Path):
+def test_missions_are_read_by_ground_stations(plan, tmp_path):
     missions.save(plan, tmp_path)
     for number, flight in enumerate(plan.flights):
         loader = mavwp.MAVWPLoader()
@@ -187,7 +184,7 @@ def test_missions_are_read_by_ground_stations(plan: FlightPlan, tmp_path: Path):
 # CSV.
 
 
-def test_csv_comes_back(plan: FlightPlan, folder: Path):
+def test_csv_comes_back(plan, folder):
     flights = files.read_csv(folder / "plan.csv")
     for flight, written in zip(flights, plan.flights, strict=True):
         for waypoint, other in zip(flight, written, strict=True):
@@ -201,7 +198,7 @@ def test_csv_comes_back(plan: FlightPlan, folder: Path):
     assert weights[0] == pytest.approx(weights[1], rel=1e-3)
 
 
-def test_csv_names_units_and_the_speed_of_each_leg(plan: FlightPlan, folder: Path):
+def test_csv_names_units_and_the_speed_of_each_leg(plan, folder):
     with open(folder / "plan.csv", encoding="utf-8", newline="") as file:
         table = [*csv.DictReader(file)]
     columns = "drone,waypoint,time_utc,latitude_deg,longitude_deg,altitude_m,speed_m_s,searching"
@@ -220,7 +217,7 @@ FLOWN = """\ufeffdrone,time_utc,battery,latitude_deg,longitude_deg
 """
 
 
-def test_flights_really_flown_need_few_columns(tmp_path: Path):
+def test_flights_really_flown_need_few_columns(tmp_path):
     path = tmp_path / "flown.csv"
     path.write_text(FLOWN, "utf-8")
     start = datetime(2026, 3, 1, 6, 30, tzinfo=timezone.utc)
@@ -255,7 +252,7 @@ GOOD = "drone,time_utc,latitude_deg,longitude_deg,searching\n0,2026-03-01T06:30Z
         (GOOD.splitlines()[1], "", "must hold waypoints, one per line, got none"),
     ],
 )
-def test_errors_name_file_line_and_column(old: str, new: str, message: str, tmp_path: Path):
+def test_errors_name_file_line_and_column(old, new, message, tmp_path):
     path = tmp_path / "flown.csv"
     path.write_text(GOOD, "utf-8")
     assert len(files.read_csv(path)) == 1

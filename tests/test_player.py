@@ -1,7 +1,5 @@
 """The player of searches: its keys, its time, and flying by hand; without a display."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -85,20 +83,6 @@ class TestWatching:
         assert not player.quits and player.view == "matrix"
         assert player.recording is recording
 
-    def test_the_next_seed(self):
-        seeds = []
-
-        def begin(seed: int) -> Recording:
-            seeds.append(seed)
-            return Whole()
-
-        player = watching(begin)
-        player.press("end")
-        player.press("n")
-        assert seeds == [3, 4]
-        assert step_of(player) == 0
-        assert "calm, seed 4" in player.status
-
     def test_views_and_quitting(self):
         player = watching()
         views = []
@@ -138,25 +122,6 @@ class TestRecording:
         advance_for_long(player)
         assert player.is_at_end
 
-    def test_a_step_that_the_policy_has_not_played_yet(self):
-        go_on = threading.Event()
-
-        def frames() -> Iterator[Frame]:
-            yield frame()
-            assert go_on.wait(10)
-            for step in range(1, LAST + 1):
-                yield frame(step)
-
-        player = watching(lambda seed: Recording(frames()))
-        player.press("right")
-        player.press("right")
-        go_on.set()
-        for _ in range(200):
-            time.sleep(0.001)
-            player.advance(1)
-        assert step_of(player) == 1
-        assert player.is_paused
-
     def test_an_error_of_the_policy_reaches_the_player_after_the_steps_before_it(self):
         failed = threading.Event()
 
@@ -179,12 +144,12 @@ class TestRecording:
 
 class TestFlying:
     @pytest.fixture
-    def actions(self) -> list[Action]:
+    def actions(self):
         """The actions of drone 0 so far."""
         return []
 
     @pytest.fixture
-    def player(self, actions: list[Action]) -> Player:
+    def player(self, actions):
         """A player of flights in which drone 0 goes where the keys send it."""
 
         def begin(seed: int) -> Recording:

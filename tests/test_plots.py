@@ -1,9 +1,6 @@
 """Plots of evaluations show the measured values."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,11 +8,9 @@ import pytest
 from helpers import made_evaluation
 
 from DroneSwarmSearch.evaluation import SUITE, Evaluation, evaluate
-from DroneSwarmSearch.policies import POLICIES
 
 pytest.importorskip("matplotlib")
 
-from matplotlib import rcParams, style
 
 from DroneSwarmSearch.evaluation import plots
 
@@ -40,7 +35,7 @@ def texts(figure: Any) -> str:
     return "\n".join(each.get_text() for each in figure.findobj(Text))
 
 
-def test_each_policy_has_the_mean_curve_of_all_searches() -> None:
+def test_each_policy_has_the_mean_curve_of_all_searches():
     several = [
         evaluation(policy, search, share=share)
         for search, factor in (("pond", 1.0), ("fog", 0.5))
@@ -58,7 +53,7 @@ def test_each_policy_has_the_mean_curve_of_all_searches() -> None:
         assert line.get_xdata()[[0, -1]].tolist() == [0.0, 1.0]
 
 
-def test_the_mean_bound_is_a_dashed_line() -> None:
+def test_the_mean_bound_is_a_dashed_line():
     several = [evaluation("planner", "pond", bound=0.75), evaluation("planner", "fog", bound=1)]
     figure = plots.success_over_time(several)
     bound, curve = figure.axes[0].lines
@@ -69,24 +64,7 @@ def test_the_mean_bound_is_a_dashed_line() -> None:
     assert "bound" not in texts(plots.success_over_time([*several, evaluation("random", "gale")]))
 
 
-def test_a_policy_looks_the_same_in_every_plot() -> None:
-    alone = plots.success_over_time([evaluation("random", share=0.1)])
-    shares = {"mine": 0.9, "planner": 0.5, "random": 0.1}
-    last = plots.success_over_time([evaluation(n, share=s) for n, s in shares.items()])
-    colours = [figure.axes[0].lines[-1].get_color() for figure in (alone, last)]
-    assert colours[0] == colours[1]
-    assert len({line.get_color() for line in last.axes[0].lines}) == 3
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_all_looks_differ(theme: str) -> None:
-    assert {*plots.POLICIES} == {*POLICIES}
-    with style.context(f"{plots.STYLES}.{theme}"):
-        colours = rcParams["axes.prop_cycle"].by_key()["color"]
-        assert len({*colours}) == len(colours) == len({*plots.MARKERS})
-
-
-def test_rows_show_success_interval_and_bound() -> None:
+def test_rows_show_success_interval_and_bound():
     several = [
         evaluation(policy, search, share=share, bound=bound)
         for search, bound in (("fog", 0.9), ("pond", 0.8))
@@ -104,7 +82,7 @@ def test_rows_show_success_interval_and_bound() -> None:
     assert bars == [pytest.approx([each.success.low, each.success.high]) for each in several]
 
 
-def test_equal_plots_make_equal_files_in_both_themes(tmp_path: Path) -> None:
+def test_equal_plots_make_equal_files_in_both_themes(tmp_path):
     import matplotlib
 
     files = plots.save(plots.success_by_search, TWO, tmp_path / "new" / "curves")
@@ -122,7 +100,7 @@ def test_equal_plots_make_equal_files_in_both_themes(tmp_path: Path) -> None:
         assert 9.5 * 358 / float(width) > 9.0  # legible on a phone of 390 pixels
 
 
-def test_labels_name_the_measure_of_the_mission() -> None:
+def test_labels_name_the_measure_of_the_mission():
     rescue = evaluation("planner")
     scenario = rescue.search.scenario.replace(mission="coverage")
     coverage = evaluate("parallel-sweep", scenario, episodes=2)

@@ -1,7 +1,5 @@
 """Priors: maps from polygons, lines, normal distributions and points."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from itertools import pairwise
@@ -198,11 +196,7 @@ def test_what_lies_beyond_the_grid_is_cut_off_with_a_warning():
         (lambda: priors.line(9, [(1, 1), (1, 1)]), ValueError, "a line with a length"),
         (lambda: priors.line(9, [(20, 0), (20, 9)]), ValueError, "vertices must lie on the grid"),
         (lambda: priors.gaussian(9, (4, 4), (1, -1)), ValueError, "sd must .*above 0, got -1"),
-        (
-            lambda: priors.gaussian(9, (4, 4), 1, correlation=1),
-            ValueError,
-            "correlation must",
-        ),
+        (lambda: priors.gaussian(9, (4, 4), 1, correlation=1), ValueError, "correlation must"),
         (lambda: priors.gaussian(9, (400, 4), 1), ValueError, "mean must lie on the grid"),
         (lambda: priors.from_points(9, [(1, 1)], [-1]), ValueError, "weights must .*got .-1"),
         (lambda: priors.from_points(9, [(1, 1)], [0]), ValueError, "weights must .*sum, got 0"),

@@ -1,7 +1,5 @@
 """Random episodes compared with a simple, independent model of the rules and the belief."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from dataclasses import dataclass

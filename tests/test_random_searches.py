@@ -1,7 +1,5 @@
 """Random searches to train on, those held out, and the success of policies in them."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np
@@ -16,7 +14,7 @@ example = module("drawn_searches")
 draw_searches, held_out_searches = example.draw_searches, example.held_out_searches
 
 
-def test_drawn_searches_vary() -> None:
+def test_drawn_searches_vary():
     rng = np.random.default_rng(0)
     sizes, drones, limits, persons = set(), set(), set(), set()
     for _ in range(40):
@@ -36,7 +34,7 @@ def test_drawn_searches_vary() -> None:
     assert persons == {1, 2}
 
 
-def test_the_same_searches_are_held_out_every_time() -> None:
+def test_the_same_searches_are_held_out_every_time():
     three, two = held_out_searches(3), held_out_searches(2)
     assert [each.scenario for each in three[:2]] == [each.scenario for each in two]
     assert [each.drones for each in three[:2]] == [each.drones for each in two]
@@ -45,7 +43,7 @@ def test_the_same_searches_are_held_out_every_time() -> None:
     assert three[0].scenario.persons != trained_on[0].persons
 
 
-def test_the_mean_success_is_that_of_the_evaluations() -> None:
+def test_the_mean_success_is_that_of_the_evaluations():
     searches = []
     for number, start in enumerate([(2, 3), (6, 1)]):
         scenario = Scenario(

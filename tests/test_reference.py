@@ -1,7 +1,5 @@
 """The API reference lists exactly the public names, and the tables match the code."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import functools
@@ -101,13 +99,13 @@ def definition(name: str) -> str:
     return f"{thing.__module__}.{thing.__qualname__}" if is_definition else name
 
 
-def test_the_reference_lists_every_public_name_once() -> None:
+def test_the_reference_lists_every_public_name_once():
     public = {definition(name) for module in PUBLIC_MODULES for name in public_names(module)}
     assert sorted(map(definition, DOCUMENTED)) == sorted(public - {"DroneSwarmSearch.__version__"})
 
 
 @pytest.mark.parametrize("name", DOCUMENTED)
-def test_public_names_have_docstrings(name: str) -> None:
+def test_public_names_have_docstrings(name):
     """Constants have theirs below their definition."""
     thing = load(name)
     if inspect.isfunction(thing):
@@ -157,7 +155,7 @@ def documented_constants() -> set[str]:
     return names
 
 
-def test_the_index_lists_every_page() -> None:
+def test_the_index_lists_every_page():
     index = (DOCS / "api" / "index.rst").read_text("utf-8")
     pages = {page.stem for page in PAGES} - {"index"}
     assert set(re.findall(r":doc:`([\w-]+)`", index)) == pages
@@ -177,7 +175,7 @@ def rows(heading: str) -> list[list[str]]:
     return tables_of(section(heading))[0][1:]
 
 
-def test_arguments_match_the_signature() -> None:
+def test_arguments_match_the_signature():
     documented = [(row[0].strip("`"), row[1].strip("`")) for row in rows("Arguments")]
     parameters = list(inspect.signature(DroneSwarmSearch).parameters.values())
     assert [name for name, _ in documented] == [parameter.name for parameter in parameters]
@@ -187,13 +185,9 @@ def test_arguments_match_the_signature() -> None:
     assert keyword_only[0] == "probability_of_detection"  # as the environment page states
 
 
-def test_reset_options_are_complete(recwarn: pytest.WarningsRecorder) -> None:
+def test_reset_options_are_complete(recwarn):
     env = DroneSwarmSearch()
-    valid = {
-        "drones_positions": [(1, 1)],
-        "vector": (0, 0),
-        "person_initial_position": (2, 2),
-    }
+    valid = {"drones_positions": [(1, 1)], "vector": (0, 0), "person_initial_position": (2, 2)}
     persons = {"persons": Person(Drift((2, 2)))}
     assert re.findall(r'`"(\w+)"`', section("Reset options")) == [*valid, *persons]
     env.reset(options=valid)
@@ -203,7 +197,7 @@ def test_reset_options_are_complete(recwarn: pytest.WarningsRecorder) -> None:
         env.reset(options={"speed": 1})
 
 
-def test_actions_have_the_documented_values_and_effects() -> None:
+def test_actions_have_the_documented_values_and_effects():
     shifts = {"x - 1": (-1, 0), "x + 1": (1, 0), "y - 1": (0, -1), "y + 1": (0, 1)}
     table = rows("Action space")
     assert [(int(value), name.strip("`")) for value, name, _ in table] == [
@@ -217,7 +211,7 @@ def test_actions_have_the_documented_values_and_effects() -> None:
         assert (x - 3, y - 3) == shifts.get(effect, (0, 0))
 
 
-def test_the_reward_table_has_the_values_of_the_default_scheme() -> None:
+def test_the_reward_table_has_the_values_of_the_default_scheme():
     scheme = RewardScheme()
     assert {event: (reward, fields) for event, reward, fields in rows("Rewards")} == {
         "it collided with another drone": (f"{scheme.collision:g}", "`collision`"),
@@ -242,7 +236,7 @@ def test_the_reward_table_has_the_values_of_the_default_scheme() -> None:
     }
 
 
-def test_the_environment_page_has_the_metadata() -> None:
+def test_the_environment_page_has_the_metadata():
     summary = ENVIRONMENT.partition("## Description")[0]
     table = dict(re.findall(r"^\| ([\w ]+) \| (.+) \|$", summary, re.M))
     modes = [f'`"{mode}"`' for mode in DroneSwarmSearch.metadata["render_modes"]]
@@ -252,7 +246,7 @@ def test_the_environment_page_has_the_metadata() -> None:
     assert [row[0] for row in rows("Rendering")] == [*modes, "`None`"]
 
 
-def test_every_version_is_in_the_history() -> None:
+def test_every_version_is_in_the_history():
     number = re.findall(r"_v(\d+)$", DroneSwarmSearch.metadata["name"])[0]
     history = re.findall(r"^- `v(\d+)`", ENVIRONMENT.partition("## Version history")[2], re.M)
     assert history == [str(version) for version in reversed(range(int(number) + 1))]

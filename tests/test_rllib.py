@@ -1,9 +1,6 @@
 """The adapters for RLlib: environments, masked networks, the success rate."""
 
-from __future__ import annotations
-
 import importlib.util
-from pathlib import Path
 from typing import Any
 from unittest.mock import Mock, call
 
@@ -24,7 +21,7 @@ CONFIG = {**TWO_DRONES, "timestep_limit": 6, **LAYOUT}
 
 
 @pytest.fixture(scope="module")
-def rllib() -> Any:
+def rllib():
     import warnings
 
     with warnings.catch_warnings():
@@ -33,7 +30,7 @@ def rllib() -> Any:
     return rllib
 
 
-def test_the_batch_is_the_vector_environment(rllib: Any) -> None:
+def test_the_batch_is_the_vector_environment(rllib):
     batch = rllib.DroneBatch({**CONFIG, "num_envs": 8})
     envs = DroneVectorEnv(4, action_mask="observation", **CONFIG)
     assert batch.num_envs == 8 and batch.single_observation_space == envs.single_observation_space
@@ -51,7 +48,7 @@ def test_the_batch_is_the_vector_environment(rllib: Any) -> None:
         assert (infos["is_success"] == expected_infos["is_success"]).all()
 
 
-def test_env_runners_play_different_episodes(rllib: Any) -> None:
+def test_env_runners_play_different_episodes(rllib):
     """RLlib seeds a runner's environments with numbers that the next runner uses, too."""
     persons = []
     for runner in (1, 2):
@@ -62,7 +59,7 @@ def test_env_runners_play_different_episodes(rllib: Any) -> None:
     assert persons[0][1:] != persons[1][:-1]  # equal if the seeds were consecutive
 
 
-def test_what_the_batch_rejects(rllib: Any) -> None:
+def test_what_the_batch_rejects(rllib):
     with pytest.raises(ValueError, match="gym_env_vectorize_mode"):
         rllib.DroneBatch(CONFIG)
     with pytest.raises(ValueError, match=r"num_envs must be a multiple of n_drones, 2, .* got 7"):
@@ -83,7 +80,7 @@ def module_for(rllib: Any, batch: Any) -> Any:
     ).build()
 
 
-def test_masked_actions_have_no_probability(rllib: Any) -> None:
+def test_masked_actions_have_no_probability(rllib):
     import torch
 
     batch = rllib.DroneBatch({**CONFIG, "num_envs": 8})
@@ -103,13 +100,13 @@ def test_masked_actions_have_no_probability(rllib: Any) -> None:
     assert {*given["obs"]} == {"observation", "action_mask"}  # as it was
 
 
-def test_the_module_needs_masks(rllib: Any) -> None:
+def test_the_module_needs_masks(rllib):
     batch = rllib.DroneBatch({**CONFIG, "num_envs": 2, "action_mask": None})
     with pytest.raises(ValueError, match="observation_space must have 'action_mask'"):
         module_for(rllib, batch)
 
 
-def test_a_checkpoint_becomes_a_policy(rllib: Any, tmp_path: Path) -> None:
+def test_a_checkpoint_becomes_a_policy(rllib, tmp_path):
     batch = rllib.DroneBatch({**CONFIG, "num_envs": 400})
     module = module_for(rllib, batch)
     module.save_to_path(tmp_path / "learner_group" / "learner" / "rl_module" / "drone")
@@ -125,7 +122,7 @@ def test_a_checkpoint_becomes_a_policy(rllib: Any, tmp_path: Path) -> None:
     assert (best(observations) == best(observations)).all()
 
 
-def test_success_is_logged_for_drones_and_for_swarms(rllib: Any) -> None:
+def test_success_is_logged_for_drones_and_for_swarms(rllib):
     logger = Mock()
     for infos in (
         {"is_success": np.False_, "probability_of_success": np.float64(0.5)},

@@ -1,9 +1,6 @@
 """The RLlib example on a cluster."""
 
-from __future__ import annotations
-
 import importlib.util
-from pathlib import Path
 
 import pytest
 from trainer_examples import EXAMPLES, python, rows
@@ -30,7 +27,7 @@ cluster.shutdown()
 """
 
 
-def test_it_trains_on_a_cluster_of_two_nodes(tmp_path: Path) -> None:
+def test_it_trains_on_a_cluster_of_two_nodes(tmp_path):
     """Both nodes are on this machine and have one CPU each, enough for one runner."""
     script = tmp_path / "cluster.py"
     script.write_text(CLUSTER, "utf-8")

@@ -1,7 +1,5 @@
 """Samplers: searches drawn for the episodes of a batch."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -13,19 +11,8 @@ from DroneSwarmSearch import DroneSwarmSearch, Person
 from DroneSwarmSearch.vector import SearchBatch, SwarmVectorEnv
 
 
-def test_the_same_seeds_draw_the_same_searches() -> None:
-    batches = [SearchBatch(5, sampler=everything_sampled, **SAMPLED) for _ in range(3)]
-    for batch, seed in zip(batches, (4, 4, 5), strict=True):
-        batch.reset(range(seed, seed + 5))
-    assert seen(batches[0]) == seen(batches[1]) != seen(batches[2])
-    batches[2].reset(range(4, 9))
-    assert seen(batches[0]) == seen(batches[2])
-
-
 @pytest.mark.parametrize("bayesian", [False, True])
-def test_sampled_searches_are_those_of_the_single_environment_across_catalogues(
-    bayesian: bool,
-) -> None:
+def test_sampled_searches_are_those_of_the_single_environment_across_catalogues(bayesian):
     """Enough episodes that the sampler draws anew while others are under way."""
     calls, shared = [0], {**SAMPLED, "bayesian_update": bayesian}
 
@@ -69,7 +56,7 @@ def test_sampled_searches_are_those_of_the_single_environment_across_catalogues(
     assert len(different) > 30
 
 
-def test_a_new_catalogue_serves_episodes_under_way_before_their_next_step() -> None:
+def test_a_new_catalogue_serves_episodes_under_way_before_their_next_step():
     batch = SearchBatch(2, sampler=everything_sampled, **{**SAMPLED, "timestep_limit": 400})
     batch.reset([1, 2])
     for _ in range(100):  # row 1 flies on, beyond the steps that a new table begins with
@@ -83,7 +70,7 @@ def test_a_new_catalogue_serves_episodes_under_way_before_their_next_step() -> N
     assert frame.step == 100 and frame.matrix.sum() > 0.1
 
 
-def test_what_is_not_sampled_is_as_the_batch_was_given_it() -> None:
+def test_what_is_not_sampled_is_as_the_batch_was_given_it():
     batch = SearchBatch(
         3,
         sampler=lambda rng: {"vector": rng.uniform(-1, 1, 2)},
@@ -111,9 +98,7 @@ BAD_SAMPLES: list[tuple[Any, type[Exception], str]] = [
 
 
 @pytest.mark.parametrize(("result", "error", "match"), BAD_SAMPLES)
-def test_a_sampler_that_fails_leaves_the_batch_as_it_was(
-    result: Any, error: Any, match: str
-) -> None:
+def test_a_sampler_that_fails_leaves_the_batch_as_it_was(result, error, match):
     results: list[Any] = [{"vector": (0.5, 0.5)}]
 
     def sampler(rng: np.random.Generator) -> Any:
@@ -130,10 +115,7 @@ def test_a_sampler_that_fails_leaves_the_batch_as_it_was(
     batch.step(idle)
     results.append(result)
     before = seen(batch)
-    for begin in (
-        lambda: batch.reset(range(64)),
-        lambda: batch.step(idle),
-    ):
+    for begin in (lambda: batch.reset(range(64)), lambda: batch.step(idle)):
         with pytest.raises(error, match=match):
             begin()
         assert seen(batch) == before
@@ -142,7 +124,7 @@ def test_a_sampler_that_fails_leaves_the_batch_as_it_was(
     assert {batch.scenario_of(row).vector for row in range(64)} == {(0.2, 0.5)}
 
 
-def test_samplers_are_refused_together_with_what_they_draw() -> None:
+def test_samplers_are_refused_together_with_what_they_draw():
     def sampler(rng: np.random.Generator) -> dict[str, Any]:
         return {}
 

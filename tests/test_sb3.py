@@ -1,7 +1,5 @@
 """The adapter for Stable-Baselines3, with Stable-Baselines3 itself."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 from pathlib import Path
@@ -54,7 +52,7 @@ def random_actions(rng: np.random.Generator, env: SB3VecEnv) -> np.ndarray:
 
 @both_views
 @pytest.mark.parametrize("layout", ["flat", "dict"])
-def test_ppo_learns(view: type[SearchVectorEnv], layout: str) -> None:
+def test_ppo_learns(view, layout):
     env = VecMonitor(made(view, 8, observation=layout))
     policy = "MultiInputPolicy" if layout == "dict" else "MlpPolicy"
     model = PPO(policy, env, n_steps=16, batch_size=32, n_epochs=1, seed=1, device="cpu")
@@ -70,7 +68,7 @@ def test_ppo_learns(view: type[SearchVectorEnv], layout: str) -> None:
 @both_views
 @pytest.mark.parametrize("separate", [False, True])
 @pytest.mark.parametrize("layout", ["flat", "dict", "planes", "top-cells"])
-def test_steps_are_the_views(view: type[SearchVectorEnv], separate: bool, layout: str) -> None:
+def test_steps_are_the_views(view, separate, layout):
     """Observations, rewards and ends; an end's last observation and whether time was up."""
     options = {"observation": layout, "separate_flags": separate}
     options["bayesian_update"] = knows = layout == "flat"
@@ -105,7 +103,7 @@ def test_steps_are_the_views(view: type[SearchVectorEnv], separate: bool, layout
     assert (time_ups > 0) == separate
 
 
-def test_a_seed_and_options_hold_for_one_reset() -> None:
+def test_a_seed_and_options_hold_for_one_reset():
     env = made(SwarmVectorEnv)
     paths = []
     for seed in (7, None, 7):
@@ -123,7 +121,7 @@ def test_a_seed_and_options_hold_for_one_reset() -> None:
         assert env.env.batch.positions.tolist() == [cells] * 3
 
 
-def test_attributes_and_methods_are_the_views() -> None:
+def test_attributes_and_methods_are_the_views():
     env = made(DroneVectorEnv)
     n = env.num_envs
     env.reset()
@@ -140,7 +138,7 @@ def test_attributes_and_methods_are_the_views() -> None:
 
 
 @both_views
-def test_every_sub_environment_has_its_own_mask(view: type[SearchVectorEnv]) -> None:
+def test_every_sub_environment_has_its_own_mask(view):
     apart = {**SMALL, "drones_positions": [(0, 0), (2, 0)]}  # both might go between
     env = SB3VecEnv(view(3, autoreset_mode="SameStep", right_of_way=True, **apart))
     env.reset()
@@ -152,7 +150,7 @@ def test_every_sub_environment_has_its_own_mask(view: type[SearchVectorEnv]) -> 
 
 
 @both_views
-def test_maskable_ppo_learns_and_keeps_to_the_masks(view: type[SearchVectorEnv]) -> None:
+def test_maskable_ppo_learns_and_keeps_to_the_masks(view):
     contrib = pytest.importorskip("sb3_contrib")
     how = {"observation": "flat", "right_of_way": True, "autoreset_mode": "SameStep"}
     env = SB3VecEnv(view(8, **how, **SMALL))
@@ -178,7 +176,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         return [*csv.DictReader(file)]
 
 
-def test_success_is_logged_and_evaluated(tmp_path: Path) -> None:
+def test_success_is_logged_and_evaluated(tmp_path):
     def make() -> VecMonitor:
         how = {"observation": "flat", "autoreset_mode": "SameStep", "reward_scale": 2.0**-17}
         return VecMonitor(SB3VecEnv(DroneVectorEnv(8, **how, **EASY)))
@@ -199,57 +197,12 @@ def test_success_is_logged_and_evaluated(tmp_path: Path) -> None:
 
 
 @both_views
-@pytest.mark.parametrize("where", [None, "observation"])
-def test_a_masked_model_is_evaluated_as_trained(
-    view: type[SearchVectorEnv], where: str | None
-) -> None:
-    contrib = pytest.importorskip("sb3_contrib")
-    env = made(view, 4, observation="flat", action_mask=where, right_of_way=True)
-    kind = "MlpPolicy" if where is None else "MultiInputPolicy"
-    model = contrib.MaskablePPO(kind, env, n_steps=8, batch_size=16, seed=1, device="cpu")
-    how = {
-        "view": View("swarm" if view is SwarmVectorEnv else "drone", "flat", True, True),
-        "episodes": 40,
-    }
-    policy = TrainedPolicy(logits(model))
-    first, second = (evaluate(policy, Scenario(**SMALL), **how) for _ in range(2))
-    assert data_of(first) == data_of(second)
-    assert not first.endings[Ending.COLLISION] and not first.endings[Ending.LEFT_GRID]
-    other = evaluate(TrainedPolicy(logits(model), deterministic=True), Scenario(**SMALL), **how)
-    assert data_of(other) != data_of(first)
-
-
-@both_views
-@pytest.mark.parametrize("layout", ["flat", "dict"])
-def test_an_unmasked_model_is_evaluated_with_or_without_masks(
-    view: type[SearchVectorEnv], layout: str
-) -> None:
-    """A swarm's dict also names its row, which the model has not seen."""
-    env = made(view, 4, observation=layout)
-    policy = "MultiInputPolicy" if layout == "dict" else "MlpPolicy"
-    model = PPO(policy, env, n_steps=8, batch_size=16, seed=1, device="cpu")
-    kind = "swarm" if view is SwarmVectorEnv else "drone"
-    results = [
-        evaluate(
-            TrainedPolicy(logits(model)),
-            Scenario(**SMALL),
-            episodes=20,
-            view=View(kind, layout, action_mask=masked),
-        )
-        for masked in (False, True)
-    ]
-    assert data_of(results[0]) == data_of(results[1])
-
-
-@both_views
 @pytest.mark.parametrize(
     ("layout", "masks"),  # Stable-Baselines3 refuses nested dicts
     [*itertools.product(["flat", "dict", "planes", "crops"], [None, "info"])]
     + [(layout, "observation") for layout in ("flat", "planes", "crops")],
 )
-def test_a_saved_model_is_a_policy(
-    tmp_path: Path, view: type[SearchVectorEnv], layout: str, masks: str | None
-) -> None:
+def test_a_saved_model_is_a_policy(tmp_path, view, layout, masks):
     """It plays as the model in memory does."""
     contrib = pytest.importorskip("sb3_contrib")
     env = made(view, 4, observation=layout, action_mask=masks, right_of_way=masks is not None)
@@ -270,7 +223,7 @@ def test_a_saved_model_is_a_policy(
     assert data_of(saved) == data_of(told)
 
 
-def test_a_saved_model_for_other_searches_is_refused(tmp_path: Path) -> None:
+def test_a_saved_model_for_other_searches_is_refused(tmp_path):
     model = PPO("MlpPolicy", made(DroneVectorEnv, 4, observation="flat"), n_steps=8, batch_size=16)
     model.save(tmp_path / "model.zip")
     with pytest.raises(ValueError, match=r"the model must observe a search like this as View\("):
@@ -281,7 +234,7 @@ def test_a_saved_model_for_other_searches_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_the_gymnasium_id_is_taken_as_it_is() -> None:
+def test_the_gymnasium_id_is_taken_as_it_is():
     contrib = pytest.importorskip("sb3_contrib")
     for arguments in ({}, {"observation": "top-cells"}, {"action_mask": "observation"}):
         check_env(gymnasium.make("DroneSwarmSearch-v0", **arguments))
@@ -296,7 +249,7 @@ def test_the_gymnasium_id_is_taken_as_it_is() -> None:
     assert model.num_timesteps == 64
 
 
-def test_the_log_has_the_probability_of_success_of_every_episode(tmp_path: Path) -> None:
+def test_the_log_has_the_probability_of_success_of_every_episode(tmp_path):
     class Collect(BaseCallback):
         seen: ClassVar[list[float]] = []
 
@@ -317,6 +270,6 @@ def test_the_log_has_the_probability_of_success_of_every_episode(tmp_path: Path)
     assert logged == pytest.approx(np.mean(Collect.seen), rel=1e-5)
 
 
-def test_other_environments_are_refused() -> None:
+def test_other_environments_are_refused():
     with pytest.raises(ValueError, match="env must have autoreset_mode='SameStep', got 'Disabled'"):
         SB3VecEnv(DroneVectorEnv(2, autoreset_mode="Disabled"))

@@ -1,7 +1,5 @@
 """`Scenario`: validated in its constructor, and accepted wherever a search is needed."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import json
@@ -10,12 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import play
 
 from DroneSwarmSearch import Drift, DroneSwarmSearch, Person, RewardScheme, Scenario
 from DroneSwarmSearch.evaluation import View, evaluate
-from DroneSwarmSearch.planning import success_bound
-from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import SearchBatch, SwarmVectorEnv
 
 OTHER: dict[str, Any] = {
@@ -74,14 +69,6 @@ def test_equal_values_in_different_forms_are_equal():
         forms[0].grid_size = 8  # type: ignore[misc]
 
 
-def test_replace_changes_the_named_parameters():
-    other = Scenario().replace(**OTHER)
-    assert other == Scenario(**OTHER) != Scenario()
-    assert other.replace(n_drones=3).replace(n_drones=2) == other
-    with pytest.raises(TypeError, match="drones"):
-        other.replace(drones=3)
-
-
 @pytest.mark.parametrize("parameters", [{}, OTHER, {"persons": TWO}])
 def test_dicts_round_trip(parameters):
     scenario = Scenario(**parameters)
@@ -113,13 +100,6 @@ def test_bad_dicts_are_rejected(data, error, message):
 # Where a scenario is accepted.
 
 
-def test_environments_accept_a_scenario_or_its_parameters():
-    scenario = Scenario(**OTHER)
-    env = DroneSwarmSearch(scenario=scenario, render_mode=None, render_grid=True)
-    assert env.scenario is scenario and env.render_grid
-    assert play(env, seed=3) == play(DroneSwarmSearch(**OTHER), seed=3)
-
-
 @pytest.mark.parametrize("name", ["grid_size", "person_initial_position", "reward_scheme"])
 def test_parameters_together_with_a_scenario_are_rejected(name):
     scenario, value = Scenario(**OTHER), OTHER[name]
@@ -143,17 +123,10 @@ def test_defaults_may_be_given_together_with_a_scenario():
             kind(scenario=scenario, vector=[[1, 2], [3]])
 
 
-def test_policies_plans_and_evaluation_accept_a_scenario():
-    scenario = Scenario(6, 1, (0, 0), (3, 3), 2, 6)
-    assert make("greedy-matrix", scenario).scenario is scenario
-    assert 0 < success_bound(scenario, [(0, 0)], sample=64).by_time[-1] <= 1
-    assert evaluate("random", scenario, episodes=5, progress=False).search.scenario == scenario
-
-
 # The example.
 
 
-def test_the_success_rates_of_the_example_are_as_documented() -> None:
+def test_the_success_rates_of_the_example_are_as_documented():
     env = DroneSwarmSearch.example()
     env.reset(seed=0)
     assert not {*env.frame().drones} & {*env.scenario.person_initial_position}
@@ -165,10 +138,3 @@ def test_the_success_rates_of_the_example_are_as_documented() -> None:
     assert random < 0.1
     assert DroneSwarmSearch.example(n_drones=2).scenario == env.scenario.replace(n_drones=2)
     assert (round(prior, 2), round(posterior, 2)) == (0.89, 0.95)  # as in the docstring
-
-
-def test_what_is_cached_is_not_pickled() -> None:
-    scenario = Scenario(**OTHER)
-    before = pickle.dumps(scenario)
-    assert len(scenario.persons_to_find) == 2
-    assert pickle.dumps(scenario) == before

@@ -1,11 +1,8 @@
 """Searches from files, and coverage missions, on the command line."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,17 +23,17 @@ LANE = Scenario(
 
 
 @pytest.fixture
-def lane(tmp_path: Path) -> Path:
+def lane(tmp_path):
     path = tmp_path / "lane.json"
     path.write_text(json.dumps(LANE.to_dict()), "utf-8")
     return path
 
 
-def test_a_file_holds_a_scenario(lane: Path) -> None:
+def test_a_file_holds_a_scenario(lane):
     assert search(str(lane)) == NamedSearch("lane", "Read from a file.", LANE)
 
 
-def test_a_file_may_hold_a_named_search(tmp_path: Path) -> None:
+def test_a_file_may_hold_a_named_search(tmp_path):
     scale = Scale(130, 13)
     wanted = NamedSearch("ferry", "One fell overboard.", LANE, ((4, 4), (0, 3)), scale)
     data = {
@@ -50,7 +47,7 @@ def test_a_file_may_hold_a_named_search(tmp_path: Path) -> None:
     assert search(str(path)) == wanted
 
 
-def test_a_file_of_tracks_is_relative_to_the_search(tmp_path: Path) -> None:
+def test_a_file_of_tracks_is_relative_to_the_search(tmp_path):
     rng = np.random.default_rng(0)
     positions = np.cumsum(rng.uniform(-0.5, 0.5, (11, 400, 2)), axis=0) + 4
     Tracks(positions).save(tmp_path / "lane.npz")
@@ -82,7 +79,7 @@ def test_a_file_of_tracks_is_relative_to_the_search(tmp_path: Path) -> None:
         ('{"scale": {"metres": 3}}', "unexpected keyword argument 'metres'"),
     ],
 )
-def test_bad_files(tmp_path: Path, text: str, message: str) -> None:
+def test_bad_files(tmp_path, text, message):
     path = tmp_path / "bad.json"
     path.write_text(text, "utf-8")
     with pytest.raises(ValueError, match=rf"{re.escape(str(path))}: .*{message}"):
@@ -97,7 +94,7 @@ def answer(capsys: Any, *arguments: object) -> str:
     return str(capsys.readouterr().out)
 
 
-def test_tables_of_both_missions(capsys: Any, lane: Path, tmp_path: Path) -> None:
+def test_tables_of_both_missions(capsys, lane, tmp_path):
     covered = tmp_path / "covered.json"
     covered.write_text(json.dumps(LANE.replace(mission="coverage").to_dict()), "utf-8")
     arguments = ("evaluate", "parallel-sweep", lane, covered, "pond", "--episodes", 5)
@@ -111,7 +108,7 @@ def test_tables_of_both_missions(capsys: Any, lane: Path, tmp_path: Path) -> Non
     assert lines[8].split()[4] == f"{100 * got.coverage_rate.value:.1f}"
 
 
-def test_searches_must_have_different_names(capsys: Any, lane: Path, tmp_path: Path) -> None:
+def test_searches_must_have_different_names(capsys, lane, tmp_path):
     other = tmp_path / "other" / lane.name
     other.parent.mkdir()
     other.write_text(json.dumps({"grid_size": 5}), "utf-8")
@@ -119,18 +116,3 @@ def test_searches_must_have_different_names(capsys: Any, lane: Path, tmp_path: P
         with pytest.raises(SystemExit):
             cli.main([*arguments, str(lane), str(other)])
         assert "different names, got lane, lane" in capsys.readouterr().err
-
-
-def test_bound_reads_a_file_and_changes_the_mission(
-    capsys: Any, lane: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen = []
-
-    def noted(scenario: Scenario, *_: object, **__: object) -> None:
-        seen.append(scenario)
-        raise ValueError("enough")
-
-    monkeypatch.setattr("DroneSwarmSearch.evaluation.run.success_bound", noted)
-    with pytest.raises(ValueError, match="enough"):
-        cli.main(["bound", str(lane), "--mission", "coverage"])
-    assert seen == [LANE.replace(mission="coverage")]

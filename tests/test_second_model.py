@@ -4,8 +4,6 @@ One is made here: a person follows one of a few tracks, some of whose steps are 
 the transition matrices are dense. The other one is the chain of `Tracks`.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 
@@ -19,11 +17,9 @@ from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardSche
 from DroneSwarmSearch.drift.hypotheses import Hypotheses
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.models import drift_model
-from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.planning import success_bound
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
-from DroneSwarmSearch.vector import SwarmVectorEnv
 
 ExpectedSearches: Any = module("expected_searches").ExpectedSearches
 SIZE, LIMIT = 5, 12
@@ -188,23 +184,3 @@ def test_plans_bounds_and_searches_in_expectation(persons):
     assert success["greedy-matrix"] > 0.2
     assert max(success.values()) == pytest.approx(success["planner"], abs=0.02)
     assert success["planner"] <= bound.by_limit + 1e-9 <= 1.0
-
-
-@pytest.mark.parametrize("persons", PERSONS)
-def test_evaluations_agree_with_the_finds_of_vector_environments(persons):
-    """Drones that search where they start: the success as computed, and as sampled."""
-    scenario = scenario_of(persons)
-    searching = evaluate(
-        lambda observations: dict.fromkeys(observations, Action.SEARCH),
-        scenario,
-        view="parallel",
-        episodes=40,
-    )
-    envs = SwarmVectorEnv(400, scenario=scenario, observation="planes")
-    envs.reset(seed=0)
-    found = np.zeros(400, bool)
-    for _ in range(LIMIT):
-        *_, infos = envs.step(np.full((400, 2), Action.SEARCH))
-        found |= np.asarray(infos["is_success"])
-    assert found.mean() == pytest.approx(searching.success.value, abs=0.1)
-    assert len(scenario.persons_to_find) > 1 or found.mean() > 0.1

@@ -6,8 +6,6 @@ Chrome with its ChromeDriver. Tests are skipped where something is missing.
     python -m pytest -m slow tests/test_site.py
 """
 
-from __future__ import annotations
-
 import functools
 import http.server
 import os
@@ -16,7 +14,6 @@ import subprocess
 import sys
 import threading
 import urllib.parse
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +54,7 @@ return {
 
 
 @pytest.fixture(scope="session")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def site(tmp_path_factory):
     """The folder of the built site; a warning fails the build."""
     out = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "docs", str(out)]
@@ -68,7 +65,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def pages(site: Path) -> dict[Path, Any]:
+def pages(site):
     """The parsed HTML of every page, by file."""
     return {
         path: bs4.BeautifulSoup(path.read_text("utf-8"), "html.parser")
@@ -116,7 +113,7 @@ def test_images_are_smaller_than_a_megabyte(site):
 
 
 @pytest.fixture(scope="session")
-def address(site: Path) -> Iterator[str]:
+def address(site):
     """The address of a local server of the site."""
 
     class Quiet(http.server.SimpleHTTPRequestHandler):
@@ -132,7 +129,7 @@ def address(site: Path) -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+def browser(tmp_path_factory):
     webdriver = pytest.importorskip("selenium.webdriver")
     binary = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
     driver = shutil.which("chromedriver") or os.path.join(

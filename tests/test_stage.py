@@ -1,7 +1,5 @@
 """What a policy sees, wherever one plays: evaluate, record, export, play."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path
@@ -14,8 +12,7 @@ from DroneSwarmSearch import Action, Scenario, cli
 from DroneSwarmSearch.drift.scale import Scale
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, View, evaluate, export, record, search
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.recording import play
-from DroneSwarmSearch.evaluation.stage import prepared, view_of
+from DroneSwarmSearch.evaluation.stage import view_of
 
 
 def small(n_drones: int = 2) -> NamedSearch:
@@ -62,14 +59,6 @@ def test_who_states_no_view_is_told_how_to():
     with pytest.raises(KeyError, match="position") as told:
         evaluate(lambda shown: shown["position"], small(), **episodes)
     assert sys.version_info < (3, 11) or hint in told.value.__notes__[0]
-
-
-def test_what_a_policy_returns_is_reported():
-    def floats(shown: Any) -> dict[str, float]:
-        return {each: 1.5 for each in shown if shown[each]["observation"]}
-
-    with pytest.raises(TypeError, match=r"the policy's actions\['drone0'\] must be .*, got 1.5$"):
-        evaluate(floats, small(), view="parallel", episodes=2, progress=False)
 
 
 @pytest.mark.parametrize("stated", ["drone", View("drone")])
@@ -119,16 +108,6 @@ def test_what_follows_from_a_file_changes_with_it(tmp_path):
         weights.write_text(content)
         hashes.add(PolicySpec.of(f"{__file__}:Stating:{weights}").source["sha256"])
     assert len(hashes) == 2
-
-
-@pytest.mark.parametrize("policy", [swarm, drone, parallel, Stating])
-def test_one_episode_is_that_of_the_evaluation(policy):
-    where, spec = small(), PolicySpec.of(policy)
-    shown = view_of(spec, where, None)
-    where = where.with_posterior(shown.bayesian_update)
-    *_, (last, _) = play(prepared(spec, where), where, 3, shown)
-    episodes = evaluate(policy, where, seed=3, episodes=1, progress=False).episodes
-    assert (last.step, last.total_return) == (episodes.steps[0], episodes.returns[0])
 
 
 def test_videos_and_files_take_what_evaluate_takes(tmp_path):

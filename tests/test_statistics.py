@@ -1,18 +1,12 @@
 """The statistics of evaluations against textbooks, exact distributions and plain sums."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 
 from DroneSwarmSearch.evaluation.episodes import Reliability
-from DroneSwarmSearch.evaluation.statistics import (
-    Estimate,
-    bounded_mean,
-    mean_of,
-)
+from DroneSwarmSearch.evaluation.statistics import Estimate, bounded_mean, mean_of
 
 
 def test_bounded_means_without_skewness_have_nearly_normal_intervals():

@@ -1,7 +1,5 @@
 """The suite of searches, whose parameters never change."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -12,7 +10,7 @@ from helpers import module_at
 from DroneSwarmSearch import Tracks, policies
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, evaluate, search, share_found, suite
-from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, as_named
+from DroneSwarmSearch.evaluation.suite import SUITE_VERSION
 from DroneSwarmSearch.vector import SearchBatch
 
 FINGERPRINTS = {
@@ -116,15 +114,6 @@ def test_an_unknown_name_is_refused():
         ValueError, match=r"pond, .*got 'harbor'; did you mean harbour.*evaluate --list"
     ):
         search("harbor")
-
-
-def test_a_scenario_becomes_a_named_search():
-    named = as_named(TWO_DRONES)
-    assert named.drones == ((0, 0), (1, 0))
-    assert as_named(named) is named
-    assert as_named("pond") is SUITE["pond"]
-    with pytest.raises(TypeError, match="a name of the suite, a NamedSearch or a Scenario, got 7"):
-        as_named(7)
 
 
 @pytest.mark.parametrize(

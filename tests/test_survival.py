@@ -1,7 +1,5 @@
 """Survival: the curve in cold water, and finds that count as much as the person is alive."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import json
@@ -14,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from small_searches import observations, paths_of, search
 from test_vector_persons import check_search, random_search
@@ -278,17 +276,6 @@ def test_the_planner_skips_a_cell_to_be_earlier_in_a_better_one():
 
 
 @pytest.mark.good_plans
-def test_the_planner_prefers_what_is_near_if_survival_is_short():
-    weights = {(1, 2): 0.4, (4, 4): 0.6}  # one step away, and four
-    always, dying = (
-        one_of(weights, curve, timestep_limit=5) for curve in (None, 0.5 ** np.arange(6))
-    )
-    assert planned(always) == pytest.approx(0.6 * 0.8) == optimum(always)
-    near = sum(0.4 * 0.8 * 0.2**k * 0.5 ** (k + 1) for k in range(4))  # four searches of it
-    assert planned(dying) == pytest.approx(near) == optimum(dying)
-
-
-@pytest.mark.good_plans
 @pytest.mark.parametrize("first", [0, 1])
 def test_the_planner_first_looks_for_who_dies_first(first):
     curves = [[0.9], [0.9]]
@@ -309,18 +296,6 @@ def test_small_plans_are_optimal(seed):
     curve = sorted((rng.random() for _ in range(6)), reverse=True)
     of = one_of(weights, curve, timestep_limit=5, detection=rng.choice([0.5, 1]))
     assert planned(of) == pytest.approx(optimum(of), rel=1e-9)
-
-
-@pytest.mark.parametrize("policy", ["planner", "imitation", "greedy-forecast"])
-def test_only_relative_survival_matters(policy):
-    person = Person([Drift((1, 2), diffusion=0.1), Drift((7, 6), vector=(0, 0.2))], 0.7)
-    flown = []
-    for factor in (1, 2**-10):
-        curve = factor * np.linspace(1, 0.2, 25)
-        of = search([(4, 4)], grid_size=9, persons=[replace(person, survival=curve)],
-                    timestep_limit=24)  # fmt: skip
-        flown.append([path.cells.tolist() for path in paths_of(make(policy, of.scenario), of)])
-    assert flown[0] == flown[1]
 
 
 # Evaluations.
@@ -370,14 +345,6 @@ def test_sampled_success_alive_is_the_share_found_alive():
     assert result.success_alive.low - 1e-9 <= ALIVE <= result.success_alive.high + 1e-9
 
 
-def test_several_persons_count_as_much_as_are_alive_at_the_last_find():
-    persons = [Person(Drift((1, 2)), survival=CURVE), Person(Drift((0, 2)), survival=[0.6])]
-    both = search([(2, 2)], grid_size=5, persons=persons, timestep_limit=6)
-    result = evaluate(Visits, both, episodes=20)
-    assert result.success.value == 1
-    assert result.success_alive.value == pytest.approx((CURVE[4] + 0.6) / 2)  # in step 4
-
-
 def test_the_table_shows_it_for_searches_with_survival(capsys, tmp_path):
     files = []
     for name, curve in (("dying", CURVE), ("always", None)):
@@ -390,11 +357,3 @@ def test_the_table_shows_it_for_searches_with_survival(capsys, tmp_path):
     assert dying.split()[3].replace(".", "").isdigit() and always.split()[3] == "-"
     main(["evaluate", "greedy-forecast", files[1], "--episodes", "2"])
     assert "alive" not in capsys.readouterr().out
-
-
-@settings(max_examples=15, derandomize=True)
-@given(st.lists(st.floats(0, 1), min_size=1, max_size=8))
-def test_finding_alive_is_no_likelier_than_finding(values):
-    of = one_of(WEIGHTS, sorted(values, reverse=True), timestep_limit=6)
-    result = evaluate("greedy-forecast", of, episodes=1)
-    assert 0 <= result.success_alive.value <= result.success.value + 1e-12

@@ -1,7 +1,5 @@
 """`Tracks.read`: files of OpenDrift, other CF trajectory files, and files of another kind."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys
@@ -89,7 +87,7 @@ def read(path: Path, **options: Any) -> Tracks:
 
 
 @pytest.mark.parametrize("origin", [(4.8, 60.0), (-179.999, -44.0), (179.999, 10.0)])
-def test_positions_are_those_of_the_ellipsoid(tmp_path: Path, origin: tuple[float, float]) -> None:
+def test_positions_are_those_of_the_ellipsoid(tmp_path, origin):
     """Compared with the tangent plane in three dimensions; float32 degrees are exact to 2 m."""
     rng = np.random.default_rng(0)
     ends = np.array(origin) + rng.uniform(-0.02, 0.02, (50, 1, 2))
@@ -115,21 +113,12 @@ def test_positions_are_those_of_the_ellipsoid(tmp_path: Path, origin: tuple[floa
     np.testing.assert_allclose(found, np.stack([east, -north], axis=-1), atol=4)
 
 
-def test_positions_between_the_times_of_the_file(tmp_path: Path) -> None:
-    tracks = read(write(tmp_path / "a.nc", [DRIFTING]), cell=(3, 4))
-    assert (tracks.steps, tracks.lost, tracks.stranded) == (180, 0, 0)
-    x, y = tracks.positions[:, 0].T
-    assert x[[0, 60, 180]] == pytest.approx([3, 5.79, 11.36], abs=0.01)
-    np.testing.assert_allclose(np.diff(x), 8.36 / 180, atol=1e-4)
-    np.testing.assert_allclose(y, 4, atol=3e-3)  # a parallel is curved on the plane
-
-
 @given(
     times=st.lists(st.integers(0, 7200), min_size=2, max_size=9, unique=True).map(sorted),
     start=st.floats(0, 1),
     seconds=st.integers(10, 2000),
 )
-def test_positions_are_interpolated(times: list[int], start: float, seconds: int) -> None:
+def test_positions_are_interpolated(times, start, seconds):
     begin = int(times[0] + start * (times[-1] - times[0]))
     expected_steps = (times[-1] - begin) // seconds
     assume(expected_steps > 0)
@@ -156,9 +145,7 @@ def test_positions_are_interpolated(times: list[int], start: float, seconds: int
         (NOON + timedelta(hours=3, minutes=-1), 1, 2 + 59 / 60),
     ],
 )
-def test_start_and_steps(
-    tmp_path: Path, start: datetime | None, steps: int | None, first: float
-) -> None:
+def test_start_and_steps(tmp_path, start, steps, first):
     tracks = read(write(tmp_path / "a.nc", [DRIFTING]), start=start, steps=steps)
     assert tracks.steps == (steps or round((3 - first) * 60))
     whole = read(tmp_path / "a.nc").positions[round(first * 60) :]
@@ -166,7 +153,7 @@ def test_start_and_steps(
 
 
 @pytest.mark.skipif(not hasattr(time, "tzset"), reason="Windows has no tzset")
-def test_times_are_utc_on_any_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_times_are_utc_on_any_machine(tmp_path, monkeypatch):
     path = write(tmp_path / "a.nc", [DRIFTING])
     expected = read(path, start=NOON + timedelta(hours=1))
     with monkeypatch.context() as patch:
@@ -193,7 +180,7 @@ def test_times_are_utc_on_any_machine(tmp_path: Path, monkeypatch: pytest.Monkey
     ],
     ids=str,
 )
-def test_other_files_of_the_convention(tmp_path: Path, layout: dict[str, Any]) -> None:
+def test_other_files_of_the_convention(tmp_path, layout):
     stranding = [*DRIFTING[:2], NOWHERE, NOWHERE]
     expected = read(write(tmp_path / "a.nc", [DRIFTING, stranding], status=[[0] * 4, [0, 1, 0, 0]]))
     path = write(
@@ -227,14 +214,7 @@ MANY = [DRIFTING] * 19
         ([NOWHERE] * 4, [-1] * 4, (0, 3), 0, 1),
     ],
 )
-def test_elements_strand_and_are_lost(
-    tmp_path: Path,
-    last: Any,
-    status: list[int],
-    window: tuple[int, int],
-    stranded: int,
-    lost: int,
-) -> None:
+def test_elements_strand_and_are_lost(tmp_path, last, status, window, stranded, lost):
     path = write(tmp_path / "a.nc", [*MANY, last], status=[[0] * 4] * 19 + [status])
     begin, end = window
     tracks = read(path, start=NOON + timedelta(hours=begin), steps=60 * (end - begin))
@@ -246,9 +226,7 @@ def test_elements_strand_and_are_lost(
 
 
 @pytest.mark.parametrize("flags", [{}, {"flag_values": np.int32(0), "flag_meanings": "active"}])
-def test_without_a_flag_for_stranding_what_ends_is_lost(
-    tmp_path: Path, flags: dict[str, Any]
-) -> None:
+def test_without_a_flag_for_stranding_what_ends_is_lost(tmp_path, flags):
     ending = [*DRIFTING[:2], NOWHERE, NOWHERE]
     status = [[0] * 4] * 19 + [[0, 1, -1, -1]]
     tracks = read(write(tmp_path / "a.nc", [*MANY, ending], status=status, flags=flags))
@@ -257,7 +235,7 @@ def test_without_a_flag_for_stranding_what_ends_is_lost(
     assert (tracks.stranded, tracks.lost) == (0, 1)
 
 
-def test_diffusivity_is_a_random_walk_until_an_element_strands(tmp_path: Path) -> None:
+def test_diffusivity_is_a_random_walk_until_an_element_strands(tmp_path):
     still = track(4.8, 4.8, 4.8, 4.8)
     ashore = [*still[:2], NOWHERE, NOWHERE]
     status = [[0] * 4] * 1000 + [[0, 1, -1, -1]] * 1000
@@ -277,7 +255,7 @@ def test_diffusivity_is_a_random_walk_until_an_element_strands(tmp_path: Path) -
 RELEASED = [[NOWHERE] * hours + [*DRIFTING[hours:]] for hours in (0, 1, 1, 2)]
 
 
-def test_elements_released_over_some_hours(tmp_path: Path) -> None:
+def test_elements_released_over_some_hours(tmp_path):
     """By default, the search begins when all elements are adrift; the message names that time."""
     path = write(tmp_path / "a.nc", RELEASED)
     tracks = read(path)
@@ -291,7 +269,7 @@ def test_elements_released_over_some_hours(tmp_path: Path) -> None:
         read(path, steps=120)
 
 
-def test_times_less_precise_than_a_step(tmp_path: Path) -> None:
+def test_times_less_precise_than_a_step(tmp_path):
     """As float32, seconds since 1970 are multiples of 128 s."""
     path = write(tmp_path / "a.nc", [DRIFTING])
     seconds = NOON.timestamp() + HOURS
@@ -313,7 +291,7 @@ def test_times_less_precise_than_a_step(tmp_path: Path) -> None:
         ] == [True] * warns
 
 
-def test_latitude_and_longitude_exchanged(tmp_path: Path) -> None:
+def test_latitude_and_longitude_exchanged(tmp_path):
     path = write(tmp_path / "a.nc", np.array([DRIFTING])[..., ::-1])
     with pytest.warns(UserWarning, match="no track of .* comes within .* exchanged, here or in"):
         read(path)
@@ -350,9 +328,7 @@ NAIVE = datetime(2026, 6, 1, 12)
     ],
     ids=str,
 )
-def test_bad_arguments(
-    tmp_path: Path, options: dict[str, Any], error: type[Exception], message: str
-) -> None:
+def test_bad_arguments(tmp_path, options, error, message):
     path = write(tmp_path / "a.nc", [DRIFTING])
     with pytest.raises(error, match=re.escape(message)) as raised:
         read(path, **options)
@@ -448,18 +424,15 @@ def ragged(path: Path) -> None:
         ),
     ],
 )
-def test_bad_files(tmp_path: Path, make: Any, message: str) -> None:
+def test_bad_files(tmp_path, make, message):
     make(path := tmp_path / "a.nc")
     with pytest.raises(ValueError, match=message) as raised:
         read(path)
     assert "\n" not in str(raised.value)
 
 
-@pytest.mark.parametrize(
-    "content",
-    [b"", b"not an archive", "others", "half", "array"],
-)
-def test_another_npz(tmp_path: Path, content: bytes | str) -> None:
+@pytest.mark.parametrize("content", [b"", b"not an archive", "others", "half", "array"])
+def test_another_npz(tmp_path, content):
     path = tmp_path / "a.npz"
     if content == "array":
         with path.open("wb") as file:
@@ -474,7 +447,7 @@ def test_another_npz(tmp_path: Path, content: bytes | str) -> None:
 
 
 @pytest.mark.parametrize("name", ["none.nc", "none.npz", "."])
-def test_missing_file(tmp_path: Path, name: str) -> None:
+def test_missing_file(tmp_path, name):
     with pytest.raises(FileNotFoundError, match="path must name a file, but there is no"):
         read(tmp_path / name)
 
@@ -484,7 +457,7 @@ def test_missing_file(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.filterwarnings("ignore:.* tracks are few")
 @pytest.mark.parametrize("suffix", [".nc", ".npz"])
-def test_json_names_the_file(tmp_path: Path, suffix: str) -> None:
+def test_json_names_the_file(tmp_path, suffix):
     path = write(tmp_path / "a.nc", MANY)
     options = {"start": NOON + timedelta(hours=1), "cell": (5, 5), "diffusivity": 0.1, "seed": 4}
     tracks = read(path, **options)
@@ -508,14 +481,14 @@ def test_json_names_the_file(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:.* tracks are few")
-def test_json_of_arrays_holds_no_tracks(tmp_path: Path) -> None:
+def test_json_of_arrays_holds_no_tracks(tmp_path):
     fitted, _ = read(write(tmp_path / "a.nc", MANY)).split()
     data = Scenario(20, persons=Person(fitted)).to_dict()
     with pytest.raises(ValueError, match="tracks must come from a file to be restored"):
         Scenario.from_dict(json.loads(json.dumps(data)))
 
 
-def test_without_netcdf4(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_netcdf4(tmp_path, monkeypatch):
     path = write(tmp_path / "a.nc", MANY)
     monkeypatch.setitem(sys.modules, "netCDF4", None)
     with pytest.raises(ImportError, match=r'pip install "DroneSwarmSearchEnvironment\[tracks\]"'):

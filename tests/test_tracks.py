@@ -1,7 +1,5 @@
 """Persons who drift as tracks do: the chain equals the tracks, and says what is wrong with them."""
 
-from __future__ import annotations
-
 import copy
 import json
 import pickle

@@ -1,14 +1,11 @@
 """Short runs of the training examples, as users run them."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -59,9 +56,7 @@ RUNNERS = ("--num-env-runners", 2, "--num-envs", 2)
         example("rllib-runners", "lz4", "rllib", "rllib-ppo", "--steps", 4_000, *RUNNERS),
     ],
 )
-def test_it_trains_and_compares(
-    script: str, policy: str, arguments: tuple[object, ...], tmp_path: Path
-) -> None:
+def test_it_trains_and_compares(script, policy, arguments, tmp_path):
     folder = tmp_path / "run"
     output = python(EXAMPLES / script, "--out", folder, "--episodes", 20, *arguments)
     count = 500 if "medium" in arguments else 20
@@ -95,7 +90,7 @@ def test_it_trains_and_compares(
     ],
 )
 @pytest.mark.skipif(sys.platform == "win32", reason="sends Ctrl-C as POSIX does")
-def test_after_ctrl_c_it_resumes(script: str, checkpoint: str, curves: str, tmp_path: Path) -> None:
+def test_after_ctrl_c_it_resumes(script, checkpoint, curves, tmp_path):
     pytest.importorskip("torch" if script == "own_loop" else "sb3_contrib")
     folder = tmp_path / "run"
     command = [str(EXAMPLES / f"train_{script}.py"), "--out", str(folder), "--episodes", "20"]

@@ -1,7 +1,5 @@
 """Tools for training: the task, learning curves, the comparison with the baselines."""
 
-from __future__ import annotations
-
 import csv
 import math
 import sys
@@ -22,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 begin: Any = module("training_script").begin
 
 
-def test_rows_are_appended_and_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rows_are_appended_and_printed(tmp_path, capsys):
     path = tmp_path / "curve.csv"
     training.log_row(path, steps=123_456_789, found=math.nan)
     training.log_row(path, steps=123_456_790, found=1 / 3)
@@ -33,9 +31,7 @@ def test_rows_are_appended_and_printed(tmp_path: Path, capsys: pytest.CaptureFix
     assert columns["found"].tolist() == pytest.approx([math.nan, 1 / 3], abs=1e-6, nan_ok=True)
 
 
-def test_curves_are_plotted_with_the_baselines(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_curves_are_plotted_with_the_baselines(tmp_path, monkeypatch):
     figure = pytest.importorskip("matplotlib.figure").Figure
     drawn, savefig = [], figure.savefig
     monkeypatch.setattr(
@@ -61,7 +57,7 @@ def test_curves_are_plotted_with_the_baselines(
         training.plot_curve(paths[0], columns=["reward"])
 
 
-def test_a_trained_policy_samples_allowed_actions_by_its_seed() -> None:
+def test_a_trained_policy_samples_allowed_actions_by_its_seed():
     logits = np.tile([0.0, 1.0, -1e9, 0.0, 2.0, -1e9], (2000, 1))
     policy = TrainedPolicy(lambda observations: logits)
     policy.reset(seed=[1, 2])
@@ -95,9 +91,7 @@ def search_column_two(observations: np.ndarray) -> np.ndarray:
     return np.where(column == 2, Action.SEARCH, Action.RIGHT)
 
 
-def test_the_comparison_is_printed_and_saved(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_comparison_is_printed_and_saved(tmp_path, capsys):
     pytest.importorskip("imageio_ffmpeg")
     trained, *others = training.compare_with_baselines(
         search_column_two,
@@ -126,9 +120,7 @@ def test_the_comparison_is_printed_and_saved(
     assert "--policy" not in shown
 
 
-def test_a_policy_given_as_text_can_be_played(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_policy_given_as_text_can_be_played(tmp_path, capsys):
     pytest.importorskip("imageio_ffmpeg")
     training.compare_with_baselines(
         "greedy-matrix", SMALL, episodes=1, folder=tmp_path, baselines=[]
@@ -137,19 +129,6 @@ def test_a_policy_given_as_text_can_be_played(
     assert command[:3] == ["python", "-m", "DroneSwarmSearch"]
     cli.main([*command[3:], "--text"])
     assert "found" in capsys.readouterr().out
-
-
-def test_the_comparison_accepts_start_cells_and_other_layouts() -> None:
-    task = {**SMALL, "drones_positions": [(2, 0), (4, 4)]}
-
-    def policy(observations: dict[str, np.ndarray]) -> np.ndarray:
-        return np.full(len(observations["position"]), Action.SEARCH)
-
-    (trained,) = training.compare_with_baselines(
-        policy, task, episodes=20, view=View("drone"), baselines=[]
-    )
-    assert trained.search.drones == ((2, 0), (4, 4))
-    assert (trained.success.value, trained.time.value) == (1.0, 1.0)
 
 
 @pytest.mark.parametrize(

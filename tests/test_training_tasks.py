@@ -1,10 +1,7 @@
 """The tasks of the benchmark."""
 
-from __future__ import annotations
-
 import hashlib
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,20 +21,20 @@ FINGERPRINTS = {
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_the_held_out_searches_stay_as_they_are(name: str) -> None:
+def test_the_held_out_searches_stay_as_they_are(name):
     searches = TASKS[name].held_out()
     digest = hashlib.sha256("".join(each.fingerprint for each in searches).encode())
     assert digest.hexdigest()[:16] == FINGERPRINTS[name]
     assert len({each.fingerprint for each in searches}) == (1 if name == "small" else 500)
 
 
-def test_the_small_task_is_that_of_the_examples() -> None:
+def test_the_small_task_is_that_of_the_examples():
     [search] = TASKS["small"].held_out()
     assert search.scenario == Scenario(**TRAINING_TASK, mission="coverage")
 
 
 @pytest.mark.parametrize("name", ["medium", "large"])
-def test_trainings_draw_other_searches(name: str) -> None:
+def test_trainings_draw_other_searches(name):
     task = TASKS[name]
     sampler = pickle.loads(pickle.dumps(task.sampler))  # workers of trainers get copies
     envs = SwarmVectorEnv(40, **task.parameters, sampler=sampler)
@@ -48,7 +45,7 @@ def test_trainings_draw_other_searches(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["small", "medium"])
-def test_all_held_out_searches_are_evaluated_together(name: str) -> None:
+def test_all_held_out_searches_are_evaluated_together(name):
     task = TASKS[name]
     together = task.evaluate("greedy-matrix", name="greedy")
     assert (together.policy, len(together.episodes)) == ("greedy", 500)
@@ -57,9 +54,7 @@ def test_all_held_out_searches_are_evaluated_together(name: str) -> None:
     assert together.curves[: len(alone), -1] == pytest.approx(expected, abs=1e-6)
 
 
-def test_a_policy_is_compared_with_the_baselines_of_a_task(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_policy_is_compared_with_the_baselines_of_a_task(tmp_path, capsys):
     pytest.importorskip("imageio_ffmpeg")
     size = {"grid_size": 6, "n_drones": 2, "timestep_limit": 9}
     task = Task(size, lambda rng: {"person_initial_position": rng.integers(6, size=2)})

@@ -1,7 +1,5 @@
 """Trajectories of a person, and the confidence of a mean over a sample of them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -25,9 +23,7 @@ class TestChernoff:
         st.integers(1, 10**6),
         st.floats(0.5, 0.9999),
     )
-    def test_is_where_the_relative_entropy_reaches_its_limit(
-        self, mean: float, count: int, confidence: float
-    ) -> None:
+    def test_is_where_the_relative_entropy_reaches_its_limit(self, mean, count, confidence):
         p = chernoff_bound(mean, count, confidence)
         assert mean <= p <= 1.0
         allowed = -math.log(1 - confidence) / count
@@ -40,7 +36,7 @@ class TestChernoff:
         assert entropy(max(p - 1e-9, mean)) <= allowed * (1 + 1e-6)
 
     @pytest.mark.parametrize("p", [0.03, 0.4, 0.9])
-    def test_fails_at_most_with_the_stated_probability(self, p: float) -> None:
+    def test_fails_at_most_with_the_stated_probability(self, p):
         n, confidence = 80, 0.95
         failing = sum(
             math.comb(n, k) * p**k * (1 - p) ** (n - k)
@@ -53,7 +49,7 @@ class TestChernoff:
 class TestTrajectories:
     FORECAST = ProbabilityMatrix(5, Drift((1, 3), vector=(0.4, -0.2), diffusion=0.41))
 
-    def test_sampled_ones_are_distributed_as_the_forecast(self) -> None:
+    def test_sampled_ones_are_distributed_as_the_forecast(self):
         count = 20_000
         trajectories = sample_trajectories(self.FORECAST, 12, count)
         assert enumerate_trajectories(self.FORECAST, 12) is None
@@ -81,7 +77,7 @@ class TestTrajectories:
     )
 
     @pytest.mark.parametrize("drifts", MIXTURES)
-    def test_every_one_starts_with_a_hypothesis_and_a_cell(self, drifts: list[Drift]) -> None:
+    def test_every_one_starts_with_a_hypothesis_and_a_cell(self, drifts):
         forecast, steps = ProbabilityMatrix(5, Person(drifts)), 4
         trajectories = enumerate_trajectories(forecast, steps)
         assert trajectories is not None
@@ -102,6 +98,6 @@ class TestTrajectories:
         error = np.sqrt(pairs * (1 - pairs) / count)
         assert (abs(rates - pairs) <= 4.5 * error + 1 / count).all()
 
-    def test_too_many_are_not_enumerated(self) -> None:
+    def test_too_many_are_not_enumerated(self):
         forecast = ProbabilityMatrix(300, Drift(np.ones((300, 300)), diffusion=0.1))
         assert enumerate_trajectories(forecast, 1) is None

@@ -1,9 +1,5 @@
 """`incident.units`: quantities, directions and positions as people type them."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,12 +23,12 @@ KNOT = 1852 / 3600
         *((text, units.TIME, 5400) for text in ("1h30", "1h 30min", "1 h 30 min", "90min", "1.5h")),
     ],
 )
-def test_quantities(text: str, kind: Any, value: float) -> None:
+def test_quantities(text, kind, value):
     assert units.quantity(text, kind) == pytest.approx(value, rel=1e-12)
 
 
 @pytest.mark.parametrize("text", ["25", "", "kn", "-5kn", "1..2kn", "5 furlongs", "5kn now", "5m"])
-def test_other_quantities_are_refused(text: str) -> None:
+def test_other_quantities_are_refused(text):
     with pytest.raises(ValueError, match=r"kn, kt, .*got '"):
         units.quantity(text, units.SPEED)
 
@@ -41,12 +37,12 @@ def test_other_quantities_are_refused(text: str) -> None:
     ("text", "degrees"),
     [("NW", 315), ("wnw", 292.5), ("n", 0), ("SSE", 157.5), ("300", 300), ("300°", 300), ("0", 0)],
 )
-def test_directions(text: str, degrees: float) -> None:
+def test_directions(text, degrees):
     assert units.direction(text) == degrees
 
 
 @pytest.mark.parametrize("text", ["361", "-10", "NNNW", "", "up", "1e2"])
-def test_other_directions_are_refused(text: str) -> None:
+def test_other_directions_are_refused(text):
     with pytest.raises(ValueError, match=r"degrees from 0 to 360, or N, NNE to NNW, got '"):
         units.direction(text)
 
@@ -68,7 +64,7 @@ def test_other_directions_are_refused(text: str) -> None:
         "54.18N 7.85E",
     ],
 )
-def test_positions(text: str) -> None:
+def test_positions(text):
     assert units.position(text) == pytest.approx((54.18, 7.85), abs=1e-12)
     assert units.radioed(units.position(text)) == "54°10.8'N 007°51.0'E"
 
@@ -87,13 +83,13 @@ def test_positions(text: str) -> None:
         "here now",
     ],
 )
-def test_other_positions_are_refused(text: str) -> None:
+def test_other_positions_are_refused(text):
     with pytest.raises(ValueError, match=r"such as 54.18.*got '"):
         units.position(text)
 
 
 @given(st.floats(-89, 89), st.floats(-180, 180))
-def test_printed_positions_are_read_again(latitude: float, longitude: float) -> None:
+def test_printed_positions_are_read_again(latitude, longitude):
     south, east = units.position(units.radioed((latitude, longitude)))
     assert south == pytest.approx(latitude, abs=0.051 / 60)
     assert (east - longitude + 180) % 360 == pytest.approx(180, abs=0.051 / 60)

@@ -1,7 +1,5 @@
 """Every row of a batch is the single environment with the same seed, to the last bit."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import random
@@ -12,17 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from batches import (
-    AXES,
-    CATALOGUE,
-    CONSTANT,
-    DRONES,
-    NAN,
-    PERSON,
-    POD,
-    everything_sampled,
-    seen,
-)
+from batches import AXES, CATALOGUE, CONSTANT, DRONES, NAN, PERSON, POD, everything_sampled, seen
 from helpers import (
     INTENTS,
     SCHEMES,
@@ -235,34 +223,7 @@ def play(twins: Twins, steps: int, seed: int = 0) -> None:
         twins.step(np.array(random_actions(rng, twins)))
 
 
-@pytest.mark.parametrize("bayesian", [False, True])
-def test_episodes_of_many_blocks_are_those_of_the_single_environment(bayesian: bool) -> None:
-    """Tables come in blocks of 32 steps; rows cross their edges at different times."""
-    twins = Twins(
-        3,
-        {
-            "grid_size": 6,
-            "vector": (0.03, -0.02),
-            PERSON: [(1, 4), (3, 3)],
-            CONSTANT: 0.3,
-            "timestep_limit": 75,
-            POD: 0.2,
-            "bayesian_update": bayesian,
-        },
-    )
-    twins.reset([1, 2, 3])
-    longest = 0
-    rng = random.Random(1)
-    for step in range(160):
-        twins.step([[rng.choice([4, 5])] for _ in range(3)])
-        longest = max(longest, int(twins.batch.steps.max()))
-        if step == 40:
-            twins.reset(rows=[1])
-    assert longest == 75
-    assert len(set(twins.batch.steps.tolist())) > 1
-
-
-def test_arrays_have_the_documented_types() -> None:
+def test_arrays_have_the_documented_types():
     batch = SearchBatch(3, n_drones=2, person_initial_position=[(0, 0), (1, 1)])
     batch.reset([1, 2, 3])
     batch.step(np.full((3, 2), Action.SEARCH))
@@ -286,7 +247,7 @@ def test_arrays_have_the_documented_types() -> None:
 # Resets.
 
 
-def test_a_reset_replaces_the_catalogue_and_leaves_episodes_under_way_alone() -> None:
+def test_a_reset_replaces_the_catalogue_and_leaves_episodes_under_way_alone():
     sizes = {"grid_size": 6, "n_drones": 2, "timestep_limit": 40}
     for bayesian in (False, True):
         twins = Twins(6, {"situations": CATALOGUE[1:2], "bayesian_update": bayesian, **sizes})
@@ -306,7 +267,7 @@ def test_a_reset_replaces_the_catalogue_and_leaves_episodes_under_way_alone() ->
         assert twins.batch.situation.max() < 3
 
 
-def test_a_catalogue_of_drifts_replaces_one_with_tracks() -> None:
+def test_a_catalogue_of_drifts_replaces_one_with_tracks():
     """Tracks in every cell need more places than the grid has, and more layers than drifts."""
     tracks, prior = wandering(900, 12, start=(1, 1), sd=0.6, size=3), np.eye(3)
     drift = [Person(Drift((1, 1), diffusion=0.3), 0.5)]
@@ -319,22 +280,7 @@ def test_a_catalogue_of_drifts_replaces_one_with_tracks() -> None:
         play(twins, 30)
 
 
-def test_rows_without_a_seed_begin_from_entropy() -> None:
-    def walks(seeds: list[int | None]) -> list[bytes]:
-        batch = SearchBatch(2, person_initial_position=(3, 3), timestep_limit=40)
-        batch.reset(seeds)
-        cells = []
-        for _ in range(40):
-            batch.step([[5], [5]])
-            cells.append(batch.person_cells)
-        return [row.tobytes() for row in np.stack(cells, axis=1)]
-
-    first, second = walks([None, 1]), walks([None, 1])
-    assert first[1] == second[1]
-    assert len({*first, *second}) == 3
-
-
-def test_a_batch_steps_once_every_row_has_begun() -> None:
+def test_a_batch_steps_once_every_row_has_begun():
     batch = SearchBatch(3)
     for rows in ([0, 2], [1]):
         with pytest.raises(ResetNeeded, match="reset"):
@@ -355,11 +301,8 @@ COPIED: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("name", COPIED)
-def test_copies_are_equal_and_independent(name: str) -> None:
-    batch = SearchBatch(
-        5,
-        **{"grid_size": 6, "n_drones": 2, "timestep_limit": 16, **COPIED[name]},
-    )
+def test_copies_are_equal_and_independent(name):
+    batch = SearchBatch(5, **{"grid_size": 6, "n_drones": 2, "timestep_limit": 16, **COPIED[name]})
     batch.reset(range(5))
     rng = np.random.default_rng(1)
     actions = rng.choice([0, 1, 2, 3, 4, 4, 4, 5, 5, 5], (24, 5, 2))
@@ -384,7 +327,7 @@ def test_copies_are_equal_and_independent(name: str) -> None:
 # Memory and time.
 
 
-def test_episodes_of_a_million_steps_need_no_more_memory_than_short_ones() -> None:
+def test_episodes_of_a_million_steps_need_no_more_memory_than_short_ones():
     tracemalloc.start()
     try:
         batch = SearchBatch(3, timestep_limit=10**6)
@@ -396,7 +339,7 @@ def test_episodes_of_a_million_steps_need_no_more_memory_than_short_ones() -> No
     assert most < 2**20
 
 
-def test_searches_that_contradict_a_belief_leave_it_as_it_was() -> None:
+def test_searches_that_contradict_a_belief_leave_it_as_it_was():
     """The person is certainly in the searched cell, and may not be found."""
     drones = [(0, 0), (2, 3)]
     batch = SearchBatch(

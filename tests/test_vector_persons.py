@@ -1,7 +1,5 @@
 """Batches whose persons have hypotheses, catalogues of situations, and the coverage mission."""
 
-from __future__ import annotations
-
 import pickle
 import random
 from collections import Counter
@@ -14,12 +12,9 @@ from batches import CATALOGUE, CONSTANT, PERSON, POD
 from helpers import plain, without_history
 from test_vector_engine import Case, Twins, planned, play, random_case, use_tiles
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, RewardScheme
+from DroneSwarmSearch import Drift, DroneSwarmSearch, Ending, Person, RewardScheme
 from DroneSwarmSearch._internal.streams import episode_keys, numbers, stream_keys
-from DroneSwarmSearch.vector import (
-    SearchBatch,
-    SwarmVectorEnv,
-)
+from DroneSwarmSearch.vector import SearchBatch, SwarmVectorEnv
 
 SIZES = {"grid_size": 6, "n_drones": 2, "timestep_limit": 15}
 
@@ -117,7 +112,7 @@ def check_search(case: Case) -> Counter[Ending]:
     return endings
 
 
-def test_every_row_is_the_single_environment() -> None:
+def test_every_row_is_the_single_environment():
     endings: Counter[Ending] = Counter()
     for number in range(60, 100):
         endings += check_search(random_search(random.Random(number)))
@@ -125,7 +120,7 @@ def test_every_row_is_the_single_environment() -> None:
 
 
 @pytest.mark.slow
-def test_every_row_is_the_single_environment_in_thousands_of_cases() -> None:
+def test_every_row_is_the_single_environment_in_thousands_of_cases():
     for number in range(1000):
         check_search(random_search(random.Random(number)))
 
@@ -133,7 +128,7 @@ def test_every_row_is_the_single_environment_in_thousands_of_cases() -> None:
 # Situations.
 
 
-def test_episodes_draw_situations_with_equal_chances_from_their_sampling_streams() -> None:
+def test_episodes_draw_situations_with_equal_chances_from_their_sampling_streams():
     count, rows = 3, 40
     batch = SearchBatch(rows, situations=CATALOGUE, **SIZES)
     for episode in range(3):
@@ -144,7 +139,7 @@ def test_episodes_draw_situations_with_equal_chances_from_their_sampling_streams
         assert batch.situation.tolist() == (first * count).astype(int).tolist()
 
 
-def test_scenarios_of_rows_reproduce_their_episodes() -> None:
+def test_scenarios_of_rows_reproduce_their_episodes():
     batch = SearchBatch(6, situations=CATALOGUE, bayesian_update=True, **SIZES)
     batch.reset(range(6))
     envs = [DroneSwarmSearch(scenario=batch.scenario_of(row)) for row in range(6)]
@@ -156,7 +151,7 @@ def test_scenarios_of_rows_reproduce_their_episodes() -> None:
     assert batch.scenario_of(3) == envs[0].scenario.replace(persons=CATALOGUE[1])
 
 
-def test_a_given_situation_is_for_the_episode_alone() -> None:
+def test_a_given_situation_is_for_the_episode_alone():
     twins = Twins(5, {"situations": CATALOGUE, "bayesian_update": True, **SIZES})
     other = SearchBatch(5, situations=CATALOGUE, **SIZES)
     for given in ({"situation": 2}, {"situation": [0, 1, 2, 2, 1]}):
@@ -183,9 +178,7 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], type[Exception], str]] = [
 
 
 @pytest.mark.parametrize(("arguments", "error", "match"), BAD_ARGUMENTS)
-def test_bad_arguments_are_refused_by_name(
-    arguments: dict[str, Any], error: type[Exception], match: str
-) -> None:
+def test_bad_arguments_are_refused_by_name(arguments, error, match):
     for make in (SearchBatch, SwarmVectorEnv):
         with pytest.raises(error, match=match):
             make(3, **SIZES, **arguments)
@@ -199,7 +192,7 @@ def test_bad_arguments_are_refused_by_name(
         ({"situations": CATALOGUE[:1], "situation": 1}, "from 0 to 0, got 1"),
     ],
 )
-def test_bad_values_in_resets_change_nothing(given: dict[str, Any], match: str) -> None:
+def test_bad_values_in_resets_change_nothing(given, match):
     batch = SearchBatch(3, situations=CATALOGUE, **SIZES)
     batch.reset([1, 2, 3])
     before = pickle.dumps(batch)
@@ -209,20 +202,3 @@ def test_bad_values_in_resets_change_nothing(given: dict[str, Any], match: str) 
 
 
 # The probability of success, and the coverage mission.
-
-
-def test_a_drone_covers_the_only_cell_and_ends_the_mission() -> None:
-    batch = SearchBatch(3, persons=Person(Drift((0, 0)), 0.9), mission="coverage", **SIZES)
-    batch.reset([1, 2, 3])
-    paid = []
-    for expected in (0.9, 0.99, 0.999):
-        assert not batch.ended.any()
-        batch.step([[Action.SEARCH, Action.IDLE]] * 3)
-        success = batch.probability_of_success
-        assert success is not None
-        np.testing.assert_allclose(success, expected, atol=1e-12)
-        paid.append(batch.rewards[0, 0])
-    assert batch.endings.tolist() == [Ending.COVERED] * 3
-    assert batch.missing.all() and not batch.found.any()
-    np.testing.assert_allclose(paid, [0.9, 0.09, 0.009], atol=1e-12)
-    assert batch.frame(0).persons == ()

@@ -1,7 +1,5 @@
 """The vector environments, compared with the single environment and with Gymnasium's own."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import inspect
@@ -18,7 +16,6 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import vector as wrappers
 from helpers import plain, without_history
-from layouts_by_hand import drone_by_hand, swarm_by_hand
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
 from DroneSwarmSearch._internal.errors import ResetNeeded
@@ -169,9 +166,7 @@ def gymnasiums(
 
 @both_views
 @all_layouts
-def test_everything_lies_in_its_space(
-    view: type[SearchVectorEnv], layout: str, writes: bool
-) -> None:
+def test_everything_lies_in_its_space(view, layout, writes):
     env = view(5, observation=layout, write_matrices=writes, autoreset_mode="SameStep", **SMALL)
     n, per_swarm = env.num_envs, env.num_envs // 5
     assert per_swarm == (1 if view is SwarmVectorEnv else SMALL["n_drones"])
@@ -205,63 +200,7 @@ def test_everything_lies_in_its_space(
     assert ended > n
 
 
-# All other layouts, worked out from the dict layout.
-
-
-def by_hand(
-    view: type[SearchVectorEnv], layout: str, seen: dict[str, np.ndarray], left: np.ndarray
-) -> np.ndarray:
-    """A whole batch of observations from those that `SwarmVectorEnv` gives as a dict."""
-    shown = []
-    for cells, matrix, share in zip(
-        seen["positions"].tolist(), seen["probability_matrix"], left, strict=True
-    ):
-        if view is SwarmVectorEnv:
-            shown.append(swarm_by_hand(layout, cells, matrix, share))
-        else:
-            drones = range(len(cells))
-            shown += [drone_by_hand(layout, k, cells, matrix, share) for k in drones]
-    return np.stack(shown)
-
-
-@both_views
-@pytest.mark.parametrize("layout", ["flat", "planes", "top-cells"])
-def test_layouts_follow_from_the_dict(view: type[SearchVectorEnv], layout: str) -> None:
-    env = view(3, observation=layout, autoreset_mode="SameStep", **SEVERAL_PERSONS)
-    swarms = SwarmVectorEnv(3, autoreset_mode="SameStep", **SEVERAL_PERSONS)
-    rng, ended, limit = np.random.default_rng(2), 0, SEVERAL_PERSONS["timestep_limit"]
-    (seen, infos), shown = swarms.reset(seed=8), env.reset(seed=8)[0]
-    for _ in range(30):
-        left = 1 - infos["step"] / limit
-        assert plain(shown) == plain(by_hand(view, layout, seen, left))
-        actions = random_actions(rng, swarms)
-        seen, _, dones, _, infos = swarms.step(actions)
-        shown, *_, also = env.step(actions.reshape(env.action_space.shape))
-        for swarm in dones.nonzero()[0]:
-            last = {key: array[None] for key, array in infos["final_obs"][swarm].items()}
-            left = 1 - infos["final_info"]["step"][swarm : swarm + 1] / limit
-            per_swarm = env.num_envs // 3
-            envs = also["final_obs"][swarm * per_swarm : (swarm + 1) * per_swarm]
-            assert plain(np.stack(list(envs))) == plain(by_hand(view, layout, last, left))
-            ended += 1
-    assert ended > 5
-
-
 # Rewards and masks.
-
-
-def test_rewards_are_scaled() -> None:
-    env, plainly = SwarmVectorEnv(3, reward_scale=0.3, **SMALL), SwarmVectorEnv(3, **SMALL)
-    env.reset(seed=1)
-    plainly.reset(seed=1)
-    rng = np.random.default_rng(0)
-    for _ in range(40):
-        actions = random_actions(rng, env)
-        _, rewards, _, _, infos = env.step(actions)
-        by_drone = plainly.step(actions)[-1]["rewards"] * 0.3
-        assert plain(env.batch.rewards) == plain(plainly.batch.rewards)
-        assert plain(infos["rewards"]) == plain(by_drone)
-        assert plain(rewards) == plain(sum(by_drone.T, np.zeros(3)))
 
 
 def masks_of(env: SearchVectorEnv) -> np.ndarray:
@@ -280,9 +219,7 @@ def masks_of(env: SearchVectorEnv) -> np.ndarray:
         ("flat", True, AutoresetMode.DISABLED, True),
     ],
 )
-def test_observations_or_infos_hold_masks_on_request(
-    view: type[SearchVectorEnv], layout: str, writes: bool, mode: AutoresetMode, right_of_way: bool
-) -> None:
+def test_observations_or_infos_hold_masks_on_request(view, layout, writes, mode, right_of_way):
     how = {"observation": layout, "write_matrices": writes, "autoreset_mode": mode, **SMALL}
     env = view(4, action_mask="observation", right_of_way=right_of_way, **how)
     plainly = view(4, action_mask="info", right_of_way=right_of_way, **how)
@@ -322,7 +259,7 @@ def test_observations_or_infos_hold_masks_on_request(
 
 
 @both_views
-def test_indices_name_the_matrices_that_would_be_written(view: type[SearchVectorEnv]) -> None:
+def test_indices_name_the_matrices_that_would_be_written(view):
     drifts = [(0.3, -0.2), (0.0, 0.1), (0.3, -0.2), (-1.0, 0.0)]
     situations = [Person(Drift((1, 1), vector=drift, diffusion=0.2)) for drift in drifts]
     shared = {"situations": situations, "situation": range(4), "timestep_limit": 70}
@@ -343,24 +280,11 @@ def test_indices_name_the_matrices_that_would_be_written(view: type[SearchVector
     assert len(shown) == 3 * 71  # two of the four forecasts are one
 
 
-@pytest.mark.parametrize(
-    "parameters",
-    [
-        {"bayesian_update": True},
-        {"person_initial_position": [(0, 0), (1, 1)]},
-    ],
-)
-def test_indices_need_a_table(parameters: dict[str, Any]) -> None:
-    words = "there is no table of matrices"
-    with pytest.raises(ValueError, match=rf"^{words}"):
-        SwarmVectorEnv(2, write_matrices=False, **parameters)
-
-
 # Seeds.
 
 
 @pytest.mark.parametrize("seed", [7, np.int64(7), (7, 8, 9), np.array([7, 8, 9])], ids=type)
-def test_swarms_are_seeded_one_by_one(seed: Any) -> None:
+def test_swarms_are_seeded_one_by_one(seed):
     env, batch = DroneVectorEnv(3, **SMALL), SearchBatch(3, **SMALL)
     env.reset(seed=seed)
     batch.reset([7, 8, 9])
@@ -371,7 +295,7 @@ def test_swarms_are_seeded_one_by_one(seed: Any) -> None:
         assert plain(env.batch.person_cells) == plain(batch.person_cells)
 
 
-def test_drones_may_be_given_a_seed_each() -> None:
+def test_drones_may_be_given_a_seed_each():
     """With a seed for each sub-environment, a swarm takes its first drone's."""
     by_env, by_swarm = (DroneVectorEnv(2, n_drones=3, grid_size=5) for _ in range(2))
     by_env.reset(seed=np.array([7, 1, 2, 9, 3, 4]))
@@ -384,18 +308,6 @@ def test_drones_may_be_given_a_seed_each() -> None:
     assert plain(rollout(by_env, 20)) == plain(rollout(by_swarm, 20))
 
 
-def test_the_first_seed_seeds_np_random() -> None:
-    """As Gymnasium's environments do; nothing here draws from it."""
-    env = SwarmVectorEnv(2)
-    env.reset(seed=5)
-    numbers = gymnasium.utils.seeding.np_random(5)[0].random(3).tolist()
-    drawn = [env.np_random.random()]
-    for seed in (None, [None, 3]):
-        env.reset(seed=seed)
-        drawn.append(env.np_random.random())
-    assert drawn == numbers
-
-
 @pytest.mark.parametrize(
     ("seed", "error", "words"),
     [
@@ -405,7 +317,7 @@ def test_the_first_seed_seeds_np_random() -> None:
         ([1, 2.0, 3], TypeError, r"seed\[1\] must be an integer of at least 0, got 2.0"),
     ],
 )
-def test_wrong_seeds_are_refused(seed: Any, error: type[Exception], words: str) -> None:
+def test_wrong_seeds_are_refused(seed, error, words):
     env = DroneVectorEnv(3, **SMALL)
     env.reset(seed=1)
     before = pickle.dumps(env.batch)
@@ -452,9 +364,7 @@ def check_infos(infos: dict[str, Any], wanted: dict[str, Any], n: int) -> None:
     [(SMALL, False), (SEVERAL_PERSONS, True)],
     ids=["small", "several persons, separate flags"],
 )
-def test_episodes_end_and_begin_as_in_gymnasiums_vector(
-    view: type[SearchVectorEnv], mode: AutoresetMode, case: dict[str, Any], separate: bool
-) -> None:
+def test_episodes_end_and_begin_as_in_gymnasiums_vector(view, mode, case, separate):
     swarms, n_drones = 3, case["n_drones"]
     env = view(swarms, autoreset_mode=mode, separate_flags=separate, **case)
     reference = gymnasiums(swarms, mode, separate, **case)
@@ -507,7 +417,7 @@ def test_episodes_end_and_begin_as_in_gymnasiums_vector(
 
 
 @both_views
-def test_without_autoreset_ended_swarms_must_be_reset(view: type[SearchVectorEnv]) -> None:
+def test_without_autoreset_ended_swarms_must_be_reset(view):
     env = view(3, autoreset_mode="Disabled", grid_size=3, timestep_limit=4)
     with pytest.raises(ResetNeeded, match=r"call reset\(\) first"):
         env.step(np.full(env.action_space.shape, Action.IDLE))
@@ -528,7 +438,7 @@ def test_without_autoreset_ended_swarms_must_be_reset(view: type[SearchVectorEnv
 
 
 @both_views
-def test_wrong_masks_are_refused(view: type[SearchVectorEnv]) -> None:
+def test_wrong_masks_are_refused(view):
     env = view(2, grid_size=3, n_drones=2)
     env.reset(seed=0)
     n = env.num_envs
@@ -543,7 +453,7 @@ def test_wrong_masks_are_refused(view: type[SearchVectorEnv]) -> None:
 
 
 @both_views
-def test_the_options_of_a_reset_hold_as_long_as_they_should(view: type[SearchVectorEnv]) -> None:
+def test_the_options_of_a_reset_hold_as_long_as_they_should(view):
     """A catalogue stays, the rest is for one episode."""
     persons = [Person(Drift((x, 2), diffusion=0.1)) for x in range(3)]
     sizes = {"grid_size": 4, "n_drones": 3}
@@ -562,7 +472,7 @@ def test_the_options_of_a_reset_hold_as_long_as_they_should(view: type[SearchVec
 
 
 @both_views
-def test_the_conventions_of_vector_environments_are_kept(view: type[SearchVectorEnv]) -> None:
+def test_the_conventions_of_vector_environments_are_kept(view):
     env = view(3, autoreset_mode="SameStep", **SMALL)
     assert repr(env) == f"{view.__name__}(num_envs={env.num_envs})"
     assert wrappers.RecordEpisodeStatistics(env).unwrapped is env.unwrapped is env
@@ -578,7 +488,7 @@ def test_the_conventions_of_vector_environments_are_kept(view: type[SearchVector
 
 @both_views
 @all_modes
-def test_what_was_returned_never_changes(view: type[SearchVectorEnv], mode: AutoresetMode) -> None:
+def test_what_was_returned_never_changes(view, mode):
     env = view(3, autoreset_mode=mode, **SMALL)
     rng = np.random.default_rng(0)
     results: list[tuple[Any, ...]] = [env.reset(seed=1)]
@@ -605,9 +515,7 @@ def arrays_in(result: Any) -> list[np.ndarray]:
 
 @both_views
 @all_layouts
-def test_without_copies_the_same_arrays_come_back(
-    view: type[SearchVectorEnv], layout: str, writes: bool
-) -> None:
+def test_without_copies_the_same_arrays_come_back(view, layout, writes):
     parameters = {"observation": layout, "write_matrices": writes, **SMALL}
     env, copies = view(3, copy=False, **parameters), view(3, **parameters)
     assert as_data(env.reset(seed=1)) == as_data(copies.reset(seed=1))
@@ -618,7 +526,7 @@ def test_without_copies_the_same_arrays_come_back(
     assert all(mine is again for mine, again in zip(begun, after, strict=True))
 
 
-def test_a_shared_reward_is_the_mean_over_the_swarm() -> None:
+def test_a_shared_reward_is_the_mean_over_the_swarm():
     own = DroneVectorEnv(4, grid_size=5, n_drones=3, reward_scale=0.5)
     shared = DroneVectorEnv(4, grid_size=5, n_drones=3, reward_scale=0.5, shared_reward=True)
     for env in (own, shared):
@@ -635,7 +543,7 @@ def test_a_shared_reward_is_the_mean_over_the_swarm() -> None:
 
 
 @pytest.mark.parametrize("mode", ["ansi", "rgb_array"])
-def test_every_swarm_is_drawn_as_in_the_single_environment(mode: str) -> None:
+def test_every_swarm_is_drawn_as_in_the_single_environment(mode):
     env = DroneVectorEnv(3, render_mode=mode, **SEVERAL_PERSONS)
     singles = [DroneSwarmSearch(render_mode=mode, **SEVERAL_PERSONS) for _ in range(3)]
     env.reset(seed=3)
@@ -651,7 +559,7 @@ def test_every_swarm_is_drawn_as_in_the_single_environment(mode: str) -> None:
 
 @both_views
 @pytest.mark.parametrize("copies", [False, True])
-def test_a_copy_goes_on_identically(view: type[SearchVectorEnv], copies: bool) -> None:
+def test_a_copy_goes_on_identically(view, copies):
     env = view(3, observation="flat", autoreset_mode="SameStep", copy=copies, **SEVERAL_PERSONS)
     env.reset(seed=2)
     rollout(env, 4)
@@ -661,7 +569,7 @@ def test_a_copy_goes_on_identically(view: type[SearchVectorEnv], copies: bool) -
 
 
 @both_views
-def test_unknown_options_are_warned_about(view: type[SearchVectorEnv]) -> None:
+def test_unknown_options_are_warned_about(view):
     env = view(2)
     with pytest.warns(
         UserWarning, match=r"options may hold reset_mask, .*ignored: 'speed'"
@@ -681,11 +589,19 @@ def test_unknown_options_are_warned_about(view: type[SearchVectorEnv]) -> None:
         ({"render_mode": "human"}, ValueError, "render_mode must be one of None, 'ansi', 'rgb_ar"),
         ({"observation": "flat", "write_matrices": False}, ValueError, "write_matrices=False need"),
         ({"grid_size": 1}, ValueError, "grid_size must be an integer of at least 2"),
+        (
+            {"write_matrices": False, "bayesian_update": True},
+            ValueError,
+            "there is no table of mat",
+        ),
+        (
+            {"write_matrices": False, "person_initial_position": [(0, 0), (1, 1)]},
+            ValueError,
+            "there is no table of matrices",
+        ),
     ],
 )
-def test_wrong_arguments_are_refused(
-    arguments: dict[str, Any], error: type[Exception], words: str
-) -> None:
+def test_wrong_arguments_are_refused(arguments, error, words):
     with pytest.raises(error, match=words):
         SwarmVectorEnv(**arguments)
 
@@ -694,9 +610,7 @@ def test_wrong_arguments_are_refused(
     ("view", "count", "other"),
     [(SwarmVectorEnv, "num_envs", "num_swarms"), (DroneVectorEnv, "num_swarms", "num_envs")],
 )
-def test_each_view_has_a_name_for_the_number_of_swarms(
-    view: type[SearchVectorEnv], count: str, other: str
-) -> None:
+def test_each_view_has_a_name_for_the_number_of_swarms(view, count, other):
     env = view(**{count: 4}, n_drones=3)
     assert env.batch.num_rows == 4
     assert env.num_envs == (4 if view is SwarmVectorEnv else 12) == env.action_space.shape[0]
@@ -708,7 +622,7 @@ def test_each_view_has_a_name_for_the_number_of_swarms(
 
 
 @both_views
-def test_the_signature_shows_every_keyword(view: type[SearchVectorEnv]) -> None:
+def test_the_signature_shows_every_keyword(view):
     shown = inspect.signature(view).parameters
     own = "observation top_cells write_matrices action_mask right_of_way autoreset_mode "
     assert list(shown)[1:] == [
@@ -727,7 +641,7 @@ def test_the_signature_shows_every_keyword(view: type[SearchVectorEnv]) -> None:
 
 @both_views
 @all_modes
-def test_actions_stay_the_callers(view: type[SearchVectorEnv], mode: AutoresetMode) -> None:
+def test_actions_stay_the_callers(view, mode):
     """Steps and resets neither write to them nor look at them later."""
     env = view(2, autoreset_mode=mode, grid_size=3, n_drones=2, person_initial_position=(2, 2))
     env.reset(seed=0)

@@ -1,7 +1,5 @@
 """Helpers for the tests of training examples, which run them as users do."""
 
-from __future__ import annotations
-
 import csv
 import os
 import subprocess
