@@ -70,30 +70,6 @@ SCHEMES = [
     RewardScheme.expected(3.3),
 ]  # fmt: skip
 
-# Events of an episode; tests with random actions assert that each occurs.
-EVENTS = (
-    "collision",
-    "collision of three",
-    "left the grid",
-    "left and collided in one step",
-    "a drone entered the cell of one that left",
-    "a drone left in the step of a find",
-    "exchange of cells",
-    "time limit",
-    "time limit after a find",
-    "find in the last step",
-    "find",
-    "two persons found by one search",
-    "two drones found in one step",
-    "one of several found",
-    "all of several found",
-    "find in the step of a collision",
-    "missed in the right cell",
-    "search of a likely cell",
-    "search of an unlikely cell",
-    "search of a found person's cell",
-)
-
 # What a drone may intend: an action, or a goal that makes rare events likely.
 HUNT = 6  # move to the nearest missing person, and search there
 SPREAD = 7  # move at random, neither out of the grid nor into another drone

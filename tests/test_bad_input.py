@@ -242,9 +242,6 @@ def test_step_accepts_every_kind_of_integer(kind, n_drones):
         assert plain(env.step(of_kind)) == plain(usual.step(actions))
 
 
-# Memory limits.
-
-
 def forecast_of(grid_size):
     return ProbabilityMatrix(grid_size, Drift((0, 0)))
 

@@ -74,17 +74,19 @@ def files_in(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
-def test_every_command_has_help(capsys):
+def test_every_command_has_help(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     with pytest.raises(SystemExit) as stop:
         command.main(["--help"])
     assert stop.value.code == 0
     text = capsys.readouterr().out
-    for name in ("play", "evaluate", "leaderboard", "bound", "record", "export"):
+    for name in ("play", "plan", "evaluate", "leaderboard", "bound", "record", "export"):
         assert re.search(rf"^ +{name}\b", text, re.MULTILINE)
         with pytest.raises(SystemExit) as stop:
             command.main([name, "--help"])
         output = capsys.readouterr().out
         assert stop.value.code == 0
+        assert max(map(len, output.splitlines())) <= 80
         assert f"usage: python -m DroneSwarmSearch {name}" in output
         assert f"\n  droneswarmsearch {name}" in output  # an example
         assert ("executed" in output) == (name not in ("play", "bound"))
@@ -286,9 +288,6 @@ def test_output_that_cannot_be_written_is_reported_in_a_line(arguments, buffered
     assert "No space left on device" in line
 
 
-# Bounds.
-
-
 @pytest.fixture
 def bounds(monkeypatch):
     """Replace the slow bounds, and record their searches."""
@@ -321,9 +320,6 @@ def test_bounds_are_shown_and_read_from_the_folder(capsys, bounds, tmp_path):
     (row,) = csv.DictReader((tmp_path / "random.csv").read_text("utf-8").splitlines())
     assert (row["bound"], float(row["share_of_bound"])) == ("0.5", share / 50)
     assert len(bounds) == 2
-
-
-# Progress.
 
 
 class Terminal(io.StringIO):

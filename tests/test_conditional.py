@@ -21,9 +21,6 @@ def evaluated(policy: Any, search: NamedSearch, **options: Any) -> Evaluation:
     return evaluate(policy, search, **{"episodes": 60, "progress": False, **options})
 
 
-# The values.
-
-
 @pytest.mark.parametrize("view", ["swarm", "parallel"])
 @pytest.mark.parametrize("person", PERSONS)
 def test_every_episode_has_the_success_of_its_path(person, view):
@@ -53,9 +50,6 @@ def test_several_persons(persons):
     assert abs(final.mean() - share) < 4 * error
 
 
-# The batch in which the last person is not found.
-
-
 @pytest.mark.parametrize("persons", [("missed",), ("missed", "hypotheses", "known")])
 def test_the_last_person_is_never_found(persons):
     scenario = named(*persons, bayesian_update=True, timestep_limit=60).scenario
@@ -74,9 +68,6 @@ def test_the_last_person_is_never_found(persons):
         assert (after[is_last] <= before[is_last]).all()
     assert is_last.sum() > 20
     assert np.median(after[is_last].min(axis=1)) < 0.3
-
-
-# Results, comparisons, files.
 
 
 def test_differences():

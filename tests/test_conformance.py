@@ -13,11 +13,11 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
-from helpers import careful_actions, plain
+from helpers import careful_actions
 from pettingzoo.utils import parallel_to_aec
 
 import DroneSwarmSearch.env as env_module
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, RewardScheme
+from DroneSwarmSearch import Drift, DroneSwarmSearch, Ending, Person, RewardScheme
 from DroneSwarmSearch.core.mappings import Infos, Rewards
 from DroneSwarmSearch.wrappers import FlatObservation
 
@@ -67,9 +67,6 @@ other_names_are_recommended = pytest.mark.filterwarnings(
 )
 
 
-# PettingZoo's tests.
-
-
 @unknown_option_is_warned_about
 @each_parameters
 def test_parallel_api(parameters):
@@ -99,39 +96,6 @@ def test_aec_render(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setitem(DroneSwarmSearch.metadata, "render_fps", 1000)
     render_test(lambda **mode: env_module.env(grid_size=10, n_drones=2, **mode))
-
-
-def observed_in_turn(aec):
-    """Return everything that the AEC form returns in an episode."""
-    state = (aec.agent_selection, aec.agents, aec.rewards, aec.terminations, aec.infos)
-    return copy.deepcopy((*state, aec.last(), aec.state().tolist()))
-
-
-def test_an_invalid_action_in_the_aec_form_changes_nothing():
-    aec = env_module.env(n_drones=2, grid_size=5, timestep_limit=4)
-    aec.reset(seed=1)
-    while aec.agents:
-        ended = any(aec.last()[2:4])
-        before = plain(observed_in_turn(aec))
-        with pytest.raises(AssertionError):
-            aec.step(6)
-        assert plain(observed_in_turn(aec)) == before
-        aec.step(None if ended else np.int64(Action.SEARCH))
-
-
-def test_the_aec_form_before_reset_and_with_an_unknown_agent():
-    aec = env_module.env(n_drones=2)
-    for name in ("agents", "num_agents", "agent_selection", "rewards", "infos"):
-        with pytest.raises(AttributeError):
-            getattr(aec, name)
-    with pytest.raises(AssertionError, match=r"reset\(\)"):
-        aec.observe("drone0")
-    aec.reset(seed=1)
-    with pytest.raises(KeyError, match="drone7"):
-        aec.observe("drone7")
-
-
-# The spaces.
 
 
 @each_parameters
@@ -195,9 +159,6 @@ def test_spaces_match_the_specification():
         }
     )
     assert env.state_space.shape == (3, 5, 5) and env.state_space.dtype == np.float32
-
-
-# The names.
 
 
 def test_metadata_and_agents():
@@ -282,9 +243,6 @@ def test_an_episode_must_begin_with_a_reset():
     with pytest.raises(gymnasium.error.ResetNeeded) as caught:
         DroneSwarmSearch().step({"drone0": 4})
     assert isinstance(caught.value, RuntimeError)
-
-
-# Rewards and infos: dicts by drone with further names on look-up.
 
 
 def last_mappings() -> tuple[Rewards, Infos]:

@@ -149,6 +149,12 @@ class TestText:
             shown.append([bool(re.search(mark + "[.:;=o%#@]", output)) for mark in (" P", r"F\d")])
         assert shown == [[True, True], [False, True]]
 
+    def test_prints_some_frames_of_a_long_search(self, tmp_path, capsys):
+        path = search_file(tmp_path, timestep_limit=1000, probability_of_detection=0)
+        cli.main(["play", path, "--text"])
+        steps = re.findall(r"step (\d+)/1000", capsys.readouterr().out)
+        assert steps == ["0", "200", "400", "600", "800", "1000"]
+
     def test_draws_in_place_on_a_terminal(self, short, capsys, monkeypatch):
         monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
         monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((30, 9)))

@@ -39,9 +39,6 @@ def make_env(parameters: dict[str, Any], **changes: Any) -> DroneSwarmSearch:
 EVERYTHING = PARAMETERS["everything"]
 
 
-# The same seed.
-
-
 @each_parameters
 def test_same_seed_same_episode(parameters):
     env, other = make_env(parameters), make_env(parameters)
@@ -49,41 +46,6 @@ def test_same_seed_same_episode(parameters):
     for seed in range(2):
         assert play(env, seed, seed=seed) == play(other, seed, seed=seed)
         assert play(env, seed) == play(other, seed)
-
-
-@each_parameters
-def test_episodes_do_not_depend_on_other_code_in_the_process(parameters):
-    """Nor do they change the global random states."""
-    random.seed(1)
-    np.random.seed(1)
-    python, numpy = random.getstate(), plain(np.random.get_state())
-    alone = make_env(parameters)
-    expected = [play(alone, 1, seed=3), play(alone, 2)]
-    assert random.getstate() == python
-    assert plain(np.random.get_state()) == numpy
-
-    env, bystander = make_env(parameters), make_env(EVERYTHING)
-    log = []
-    for episode, arguments in enumerate(({"seed": 3}, {})):
-        random.seed(episode)
-        np.random.seed(episode)
-        observations, infos = env.reset(**arguments)
-        bystander.reset()
-        log.append([[*map(plain, (observations, infos, env.state(), env.frame().persons))]])
-        rng = random.Random(episode + 1)
-        while env.agents:
-            random.random(), np.random.random()
-            if not bystander.agents:
-                bystander.reset()
-            bystander.step(dict.fromkeys(bystander.agents, 4))
-            env.action_space("drone0").sample()
-            result = env.step(careful_actions(rng, observations, env.grid_size))
-            observations = result[0]
-            log[-1].append([*plain(result), plain(env.state()), plain(env.frame().persons)])
-    assert log == expected
-
-
-# Different seeds and successive episodes.
 
 
 def path(env: DroneSwarmSearch, steps: int = 20, **reset: Any) -> tuple[Any, ...]:
@@ -99,9 +61,6 @@ def path(env: DroneSwarmSearch, steps: int = 20, **reset: Any) -> tuple[Any, ...
 def test_unseeded_environments_differ():
     env, other = make_env({}), make_env({})
     assert [path(env) for _ in range(3)] != [path(other) for _ in range(3)]
-
-
-# Common random numbers: with one seed, the drift does not depend on the actions.
 
 
 def idle(env: DroneSwarmSearch, rng: random.Random) -> dict[str, int]:
@@ -186,9 +145,6 @@ def test_detections_do_not_depend_on_earlier_searches():
     assert begins_mattered > 30
 
 
-# Copies and pickles.
-
-
 def reloaded(env: DroneSwarmSearch) -> DroneSwarmSearch:
     return pickle.loads(pickle.dumps(env))
 
@@ -213,9 +169,6 @@ def test_copies_during_an_episode_continue_identically(steps, copied):
         for one, cells in ((env, seen), (other, seen_by_other))
     ]
     assert logs[0] == logs[1]
-
-
-# Returned arrays and mappings.
 
 
 def test_returned_matrices_never_change_and_are_read_only():
@@ -279,9 +232,6 @@ def test_changing_arguments_afterwards_has_no_effect():
     assert env.frame().persons == ((3, 3), (5, 1))
 
 
-# Arguments of reset: duration and precedence.
-
-
 def test_a_vector_is_kept_until_the_next_one():
     env = make_env({}, person_initial_position=(3, 3), vector=(1, 0), disperse_constant=0)
 
@@ -320,9 +270,6 @@ def test_unknown_options_are_warned_about_and_ignored():
     assert len(caught) == 1
     assert caught[0].filename.endswith("helpers.py")  # the caller's line, not the library's
     assert seen == play(twin, seed=1, options={"vector": (0, 1)})
-
-
-# Rendering.
 
 
 @pytest.mark.parametrize("mode", ["rgb_array", "human"])

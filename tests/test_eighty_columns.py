@@ -5,8 +5,6 @@ import pytest
 from DroneSwarmSearch import cli
 from DroneSwarmSearch.evaluation.text_tables import print_table
 
-COMMANDS = ("", "play", "plan", "evaluate", "leaderboard", "bound", "record", "export")
-
 
 def assert_fits(text: str) -> None:
     assert text
@@ -16,13 +14,6 @@ def assert_fits(text: str) -> None:
 @pytest.fixture(autouse=True)
 def _terminal(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_help(command, capsys):
-    with pytest.raises(SystemExit, match="0"):
-        cli.main([*command.split(), "--help"])
-    assert_fits(capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(

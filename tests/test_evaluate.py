@@ -288,9 +288,6 @@ def test_a_view_is_validated(arguments, error, message):
         View(**arguments)
 
 
-# What follows from the episodes.
-
-
 def made(found_at: Any, limit: int = 10, **changes: Any) -> evaluation.Evaluation:
     """An evaluation of made-up episodes."""
     return made_evaluation(found_at, named(timestep_limit=limit), **changes)
@@ -353,9 +350,6 @@ def test_only_the_same_episodes_can_be_compared():
         compare(made(times), made(times, limit=11))
     with pytest.raises(ValueError, match="4 from seed 0, got 3 from seed 0"):
         compare(made(times), made(times[:3]))
-
-
-# What is kept and written.
 
 
 OWN = (

@@ -1,12 +1,13 @@
 """Evaluations of coverage missions: episodes, estimates, comparisons, stored entries and files."""
 
+import csv
 from typing import Any
 
 import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
-from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, evaluate
+from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, evaluate, save_csv
 from DroneSwarmSearch.evaluation.statistics import bounded_mean
 
 DRONES = ((2, 2), (4, 3))
@@ -128,3 +129,14 @@ def test_coverage_is_the_exact_success_of_a_rescue_with_one_person():
             continue
         assert rescue.success_by_time == pytest.approx(coverage.success_by_time, abs=1e-12)
         assert rescue.time.value == pytest.approx(coverage.time.value)
+
+
+def test_files_hold_the_measures_of_coverage(tmp_path):
+    got = evaluated(Wanderer(), mission(), episodes=5)
+    rescue = evaluated(Wanderer(), mission(mission="rescue"), episodes=5)
+    save_csv(tmp_path / "summary.csv", [rescue, got])
+    first, second = csv.DictReader((tmp_path / "summary.csv").read_text().splitlines())
+    assert (first["mission"], second["mission"]) == ("rescue", "coverage")
+    assert first["coverage_rate"] == second["calibration_error"] == ""
+    assert float(second["coverage_rate"]) == got.coverage_rate.value
+    assert float(second["repetition_rate_high"]) == got.repetition_rate.high

@@ -57,9 +57,6 @@ class Climber(SwarmPolicy):
         return actions
 
 
-# The chain of one person, written without the package's own: dense matrices, step by step.
-
-
 def dense(forecast: ProbabilityMatrix, step: int) -> np.ndarray:
     """The transition matrices of a step over cells, [hypothesis, from, to]."""
     matrices = []
@@ -170,9 +167,6 @@ def test_a_crash_ends_the_search():
     assert got.time.value == pytest.approx(1 + 0.5 + 0.25 + 5 * 0.125)
 
 
-# Which evaluations are exact.
-
-
 def test_the_policy_or_the_caller_states_that_it_is_deterministic():
     search = named("known")
 
@@ -206,9 +200,6 @@ def test_a_policy_that_is_not_deterministic_is_refused(view, mission):
     message = "deterministic must be False for a policy that acts differently after the same"
     with pytest.raises(ValueError, match=message):
         evaluate(drawn, search, view=view, episodes=4, deterministic=True, progress=False)
-
-
-# Results, comparisons, files.
 
 
 def evaluated(policy: Any, **options: Any) -> Evaluation:

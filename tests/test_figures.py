@@ -26,9 +26,6 @@ NAMES = list(figures.REGISTRY)
 THEMES = [theme.name for theme in figures.THEMES]
 
 
-# The figures.
-
-
 BACKGROUNDS = {"light": b"#ffffff", "dark": b"#131416"}
 
 
@@ -85,9 +82,6 @@ def test_the_kept_fractions_predict_the_episodes_without_a_find(detection):
     deviation = np.sqrt(predicted * (1 - predicted) / episodes)
     assert len(predicted) == figures.SCENE["timestep_limit"]
     assert (np.abs(measured - predicted) <= 4 * deviation + 1e-12).all()
-
-
-# The calibration benchmark.
 
 
 def margin(episodes: int) -> float:

@@ -65,15 +65,6 @@ class TestChoice:
     def test_moves_to_the_likely_cell_and_searches_it(self, cell, peaks, action):
         assert choose(7, [cell], peaks) == [action]
 
-    def test_different_drones_take_different_cells(self):
-        # Both are nearer to the left peak; the nearest one gets it.
-        actions = choose(9, [(3, 4), (4, 4)], {(2, 4): 0.5, (8, 4): 0.5})
-        assert actions == [Action.LEFT, Action.RIGHT]
-
-    def test_drones_without_a_target_gather_around_the_only_one(self):
-        actions = choose(9, [(0, 4), (8, 4), (4, 0)], {(4, 4): 1.0})
-        assert actions == [Action.RIGHT, Action.LEFT, Action.DOWN]
-
     def test_never_enters_an_occupied_or_claimed_cell(self):
         # Two drones next to the only likely cell, and one in it.
         actions = choose(5, [(1, 2), (3, 2), (2, 2)], {(2, 2): 1.0})

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import plain
 
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.evaluation import NamedSearch, compare, evaluate
@@ -52,11 +51,6 @@ class TestNetwork:
         right, down, left, up = moves
         wanted = np.stack([left, right, up, down, np.mean(searches, axis=0)], axis=1)
         assert np.allclose(Network(made)(seen), wanted, rtol=1e-4, atol=1e-3)
-
-    def test_is_restored_from_a_file(self, tmp_path):
-        network, seen = Network(network_layers(7)), np.ones((2, INPUTS), np.float32)
-        network.save(tmp_path / "weights.npz")
-        assert plain(Network.load(tmp_path / "weights.npz")(seen)) == plain(network(seen))
 
     @pytest.mark.parametrize(
         ("made", "message"),

@@ -42,9 +42,6 @@ def plan():
     return Incident(**KNOWN, drones=2, endurance="30 min").plan()
 
 
-# Positions.
-
-
 @pytest.mark.parametrize("latitude", [0.0, 54.2, -69.5, 84.0])
 @pytest.mark.parametrize(("distance", "most"), [(1e3, 1e-4), (5e4, 0.6), (1e5, 4.2)])
 def test_the_plane_agrees_with_the_ellipsoid(latitude, distance, most):
@@ -80,9 +77,6 @@ def test_north_is_north_where_the_search_is():
     for _ in range(100):  # along the parallel
         there, here, _ = GEOD.fwd(there, here, 90.0, speed * 36 * hours)
     assert GEOD.inv(there, here, longitude, latitude)[2] < 60
-
-
-# Particles.
 
 
 @pytest.mark.parametrize(
@@ -142,9 +136,6 @@ def test_winds_and_currents_change_in_time():
     there = Incident(**{**still, "current": tide, "object_class": "PIW-1"})
     cloud = there.particles(20_000, 0)
     assert cloud.mean(7200)[0] - cloud.mean(3600)[0] == pytest.approx(-1800, abs=20)
-
-
-# Winds as people type them.
 
 
 def test_flows_are_read_as_they_are_typed(tmp_path):
@@ -318,9 +309,6 @@ def test_plans_beat_a_rectangle_around_the_middle(plan):
     assert plan.probability_of_success > 1 - missed.mean() + 0.05
 
 
-# The second sortie.
-
-
 @pytest.mark.good_plans
 def test_the_second_sortie_begins_with_the_posterior_of_the_first(plan):
     again = plan.incident.after(plan)
@@ -334,9 +322,6 @@ def test_the_second_sortie_begins_with_the_posterior_of_the_first(plan):
     second = again.plan()
     assert second.probability_of_success < plan.probability_of_success
     assert found(second) == pytest.approx(second.probability_of_success, abs=0.015)
-
-
-# Files, tracks, the grid and errors.
 
 
 def test_an_incident_survives_its_file(plan, tmp_path):

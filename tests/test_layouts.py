@@ -106,11 +106,3 @@ def test_the_number_of_top_cells():
     for wrong, error in ((37, ValueError), (1.0, TypeError)):
         with pytest.raises(error, match=f"k must be an integer from 1 to 36, got {wrong}"):
             TopCellsLayout(6, 3, wrong)
-
-
-def test_equally_near_drones_are_sorted_by_number():
-    positions = np.array([[(2, 2), (2, 3), (2, 1), (2, 4), (1, 2)]], np.int32)
-    _, matrices, left = arguments(1)
-    out = written(TopCellsLayout(6, 5, 1), (positions, matrices, left), 1, 5)
-    offsets = (out[0, 0, 5:-1] * 5).round().astype(int).reshape(-1, 2)
-    assert offsets.tolist() == [[0, 1], [0, -1], [-1, 0], [0, 2]]

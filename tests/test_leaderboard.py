@@ -96,18 +96,6 @@ def test_a_rerun_reads_everything_from_the_folder(tmp_path, monkeypatch):
     assert [each.call_count for each in calls.values()] == [8, 2]
 
 
-def test_every_policy_plays_the_same_episodes_and_has_the_bound():
-    board = leaderboard(
-        ["random", "sector-search"], ["pond", SUITE["fog"]], episodes=7, seed=3, progress=False
-    )
-    assert [row[0] for row in board.summary_table[1:-1]] == ["sector-search", "random"]
-    assert [row[0] for row in board.search_table] == ["search", "pond", "fog"]
-    for each in board.evaluations:
-        assert (each.seed, len(each.episodes)) == (3, 7)
-        assert each.bound is not None
-        assert each.bound.by_time[-1] == 0.875
-
-
 def test_an_added_policy_can_see_the_posterior():
     def stay(seen: dict[str, np.ndarray]) -> np.ndarray:
         return np.full(seen["positions"].shape[:2], int(Action.SEARCH))

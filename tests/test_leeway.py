@@ -1,6 +1,5 @@
 """Leeway: coefficients, velocities, and persons that drift like the full model."""
 
-import dataclasses
 import math
 from collections.abc import Callable
 from datetime import datetime
@@ -61,44 +60,6 @@ def crosswind(speeds: leeway.LeewaySpeeds) -> tuple[float, float]:
     return mean, math.sqrt(sum(squares) / 2 - mean**2)
 
 
-def simulated(
-    kind: leeway.ObjectClass, wind: tuple[float, float], count: int, seed: int
-) -> np.ndarray:
-    """Leeway velocities (east, north) of objects, drawn one by one from the full model, in m/s."""
-    rng = np.random.default_rng(seed)
-    speed = math.hypot(*wind)
-    slope, offset, sd = kind.downwind
-    error = rng.normal(0, sd, count)
-    while (wrong := slope + error / 20 < 0).any():
-        error[wrong] = rng.normal(0, sd, int(wrong.sum()))
-    along = (slope + error / 20) * speed + offset + error / 2
-    goes_right = np.arange(count) % 2 == 0
-    slope, offset, sd = (
-        np.where(goes_right, *values) for values in zip(kind.right, kind.left, strict=True)
-    )
-    error = rng.normal(0, sd)
-    across = (slope + error / 20) * speed + offset + error / 2
-    downwind = np.array(wind) / speed
-    right = np.array([downwind[1], -downwind[0]])
-    return (along[:, None] * downwind + across[:, None] * right) / 100
-
-
-def moments(person: Person, scale: Scale) -> tuple[np.ndarray, np.ndarray]:
-    """The mean and the covariance of a person's drift velocity, (east, north), in m/s."""
-    weights = np.array(person.drift.weights)
-    per_cell = scale.metres_per_cell / scale.seconds_per_step
-    means = np.array([drift.vector for drift in person.drift.drifts]) * (per_cell, -per_cell)
-    within = [
-        np.diag(np.square(np.array(drift.vector_sd) * per_cell)) for drift in person.drift.drifts
-    ]
-    mean = weights @ means
-    between = np.einsum("m,mi,mj->ij", weights, means - mean, means - mean)
-    return mean, np.einsum("m,mij->ij", weights, within) + between
-
-
-# Coefficients and velocities.
-
-
 @pytest.mark.parametrize("row", AT_10, ids=[row[0] for row in AT_10])
 def test_coefficients_give_the_published_velocities(row):
     name, downwind, downwind_sd, right, left, cross_sd = row
@@ -140,27 +101,6 @@ def test_a_class_without_errors_has_one_velocity():
     assert against.speeds(10)[:2] == pytest.approx((0.31, 0))  # its error is drawn until it is not
 
 
-# Persons.
-
-
-@pytest.mark.parametrize(
-    ("name", "direction"), [("PIW-1", 30), ("PIW-4", 260), ("SPORT-BOAT", 120), ("SKIFF-4", 0)]
-)
-def test_a_person_drifts_like_the_full_model(name, direction):
-    """Mean and variances are those of simulated objects; so is the covariance, if it is large."""
-    wind, current = leeway.wind_from(direction, 9.0), (0.2, -0.1)
-    changes = {"wind": wind, "current": current}
-    person = leeway.person(name, **{**USUAL, **changes})
-    velocities = simulated(leeway.CLASSES[name], wind, 100_000, seed=1) + current
-    mean, covariance = moments(person, SCALE)
-    truth = np.cov(velocities.T)
-    size = math.sqrt(truth.trace())
-    np.testing.assert_allclose(mean, velocities.mean(axis=0), atol=0.015 * size)
-    np.testing.assert_allclose(np.diag(covariance), np.diag(truth), atol=0.02 * size**2)
-    if len(person.drift.drifts) == 6:  # three on each side
-        assert covariance[0, 1] == pytest.approx(truth[0, 1], abs=0.02 * size**2)
-
-
 def test_right_and_left_of_the_wind():
     """In a wind to the north, right is east; y grows to the south."""
     right, left = leeway.person("PIW-4", start=(30, 30), wind=(0, 10), scale=SCALE).drift.drifts
@@ -185,9 +125,6 @@ def test_metres_and_seconds_become_cells_and_steps():
         leeway_diffusion = 0.04 * math.hypot(*drift.vector)
         assert drift.diffusion == pytest.approx(4 * 13 / 130**2 + leeway_diffusion)
     assert {drift.adrift for drift in person.drift.drifts} == {277}
-
-
-# Jibing, and winds and currents that vary in time.
 
 
 def drifted(
@@ -293,15 +230,6 @@ def test_a_series_is_linear_between_its_times():
     ]
 
 
-# Everything else.
-
-
-def test_a_class_of_your_own():
-    kind = dataclasses.replace(leeway.CLASSES["PIW-1"], name="mine", downwind=[2, 0, 1])
-    assert leeway.person(kind, **USUAL) != leeway.person("PIW-1", **USUAL)
-    assert leeway.person(leeway.CLASSES["PIW-1"], **USUAL) == leeway.person("PIW-1", **USUAL)
-
-
 def test_directions_as_they_are_reported():
     """Winds come from a direction, currents go to one; degrees run clockwise from north."""
     assert leeway.wind_from(0, 10) == pytest.approx((0, -10))
@@ -311,9 +239,6 @@ def test_directions_as_they_are_reported():
         (-0.7275, -0.7275), abs=1e-4
     )
     assert pytest.approx(1.852) == leeway.KNOT * 3.6
-
-
-# Warnings.
 
 
 def test_a_forecast_beyond_the_grid_is_warned_of():
@@ -338,9 +263,6 @@ def test_too_much_diffusion_for_a_step_is_refused():
     with pytest.raises(ValueError, match=r"must be at most 0\.333 m²/s .*got 5\.0: take shorter"):
         leeway.person("PIW-1", start=(3, 3), wind=(5, 0), diffusivity=5.0, scale=Scale(10, 100))
     leeway.person("PIW-1", start=(3, 3), wind=(5, 0), diffusivity=0.333, scale=Scale(10, 100))
-
-
-# Bad input.
 
 
 @pytest.mark.parametrize(

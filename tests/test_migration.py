@@ -216,9 +216,6 @@ def test_methods_of_2023():
     assert {re.match(r"env\.(\w+)", call)[1] for call in calls} == public
 
 
-# Statements of the DSSE guide about this package.
-
-
 def dsse_parameters(name: str) -> list[list[str]]:
     """Return the parameters in a section: name, default, counterpart."""
     return [row for row in rows(section(OF_DSSE, name)) if len(row) == 3]

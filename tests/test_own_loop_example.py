@@ -43,28 +43,3 @@ def test_returns_are_sums_of_rewards_until_the_end(example, monkeypatch):
     expected[:5, 0] = rewards[:5, 0].flip(0).cumsum(0).flip(0)
     assert torch.allclose(data["returns"], expected, atol=1e-5)
     assert float(data["advantages"].square().mean()) == pytest.approx(1.0, rel=1e-4)
-
-
-def test_updates_make_rewarded_actions_more_likely(example):
-    torch.manual_seed(4)
-    agent = example.Agent()
-    optimizer = torch.optim.Adam(agent.parameters())
-    shape = example.NUM_STEPS, example.SWARMS * example.DRONES
-    data = {
-        "obs": torch.rand(*shape, example.INPUTS),
-        "masks": torch.ones(*shape, len(Action), dtype=torch.int8),
-        "actions": torch.randint(len(Action), shape),
-        "returns": torch.zeros(shape),
-    }
-    data["advantages"] = (data["actions"] == Action.SEARCH).float()
-
-    def logprobs() -> torch.Tensor:
-        with torch.no_grad():
-            all_logprobs, _ = agent(data["obs"].flatten(0, 1), data["masks"].flatten(0, 1))
-        return all_logprobs.gather(0, data["actions"].reshape(1, -1)).reshape(shape)
-
-    before = logprobs()
-    for _ in range(5):
-        example.update(agent, optimizer, {**data, "logprobs": logprobs()}, 1.0)
-    change, searching = logprobs() - before, data["actions"] == Action.SEARCH
-    assert change[searching].mean() > 0 > change[~searching].mean()

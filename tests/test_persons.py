@@ -137,9 +137,6 @@ def test_the_start_must_fit_on_the_grid():
             Person([Drift((0, 0)), drift]).drift.check(size, 100, "persons[0]")
 
 
-# The share beyond the grid.
-
-
 def test_a_known_drift_leaves_the_grid_at_its_edge():
     drift = Drift((5, 5), vector=(0.5, 0))
     assert [drift.mass_beyond(7, step) for step in range(5)] == [0, 0, 0, 1, 1]

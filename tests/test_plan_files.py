@@ -181,9 +181,6 @@ def test_missions_are_read_by_ground_stations(plan, tmp_path):
             assert item["params"][4:] == pytest.approx([other.x, other.y, other.z], abs=1e-6)
 
 
-# CSV.
-
-
 def test_csv_comes_back(plan, folder):
     flights = files.read_csv(folder / "plan.csv")
     for flight, written in zip(flights, plan.flights, strict=True):

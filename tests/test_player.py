@@ -95,15 +95,6 @@ class TestWatching:
         player.press("return")
         assert player.quits
 
-    def test_hidden_persons_are_shown_once_the_end_was_seen(self):
-        player = watching()
-        player.advance(1)
-        assert player.moment[0].hide_persons
-        player.press("end")
-        player.advance(0)
-        player.press("left")
-        assert not player.moment[0].hide_persons
-
 
 class TestRecording:
     def test_it_waits_for_a_slow_policy(self):

@@ -53,17 +53,6 @@ def test_each_policy_has_the_mean_curve_of_all_searches():
         assert line.get_xdata()[[0, -1]].tolist() == [0.0, 1.0]
 
 
-def test_the_mean_bound_is_a_dashed_line():
-    several = [evaluation("planner", "pond", bound=0.75), evaluation("planner", "fog", bound=1)]
-    figure = plots.success_over_time(several)
-    bound, curve = figure.axes[0].lines
-    assert bound.is_dashed()
-    assert not curve.is_dashed()
-    assert {*bound.get_ydata()} == {0.875}
-    assert "bound 87.5%" in texts(figure)
-    assert "bound" not in texts(plots.success_over_time([*several, evaluation("random", "gale")]))
-
-
 def test_rows_show_success_interval_and_bound():
     several = [
         evaluation(policy, search, share=share, bound=bound)

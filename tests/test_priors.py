@@ -45,9 +45,6 @@ def quiet(function, *arguments, **options):
         return function(*arguments, **options)
 
 
-# Polygons.
-
-
 def test_a_polygon_by_hand():
     expected = np.zeros((7, 7))
     expected[1:6, 1:6] = np.multiply.outer([0.5, 1, 1, 1, 0.5], [0.5, 1, 1, 1, 0.5]) / 16
@@ -76,19 +73,6 @@ def test_triangles_have_their_share_of_each_cell(corners):
     np.testing.assert_allclose(priors.polygon(9, [*corners, corners[0]]), prior, atol=1e-12)
     transposed = [(y, x) for x, y in corners]
     np.testing.assert_allclose(priors.polygon(9, transposed), prior.T, atol=1e-12)
-
-
-def test_huge_and_tiny_polygons():
-    everywhere = [(-1e6, -1e6), (1e6, -1e6), (1e6, 1e6), (-1e6, 1e6)]
-    with pytest.warns(UserWarning, match=r"100\.0% of the prior lies beyond the grid"):
-        np.testing.assert_allclose(
-            priors.polygon(7, everywhere), np.full((7, 7), 1 / 49), atol=1e-9
-        )
-    tiny = priors.polygon(7, [(2, 3), (2 + 1e-6, 3), (2, 3 + 1e-6)])
-    assert tiny[3, 2] == 1 and np.count_nonzero(tiny) == 1
-
-
-# Lines.
 
 
 def test_a_line_by_hand():
@@ -123,9 +107,6 @@ def test_a_line_with_an_error_is_a_mean_of_normal_distributions(sd):
     np.testing.assert_allclose(priors.line(21, vertices, sd=sd), expected, atol=5e-5)
 
 
-# Normal distributions.
-
-
 @settings(max_examples=30)
 @given(inside, st.floats(0.05, 3), st.floats(0.05, 3))
 def test_a_normal_distribution_is_a_product(mean, sd_x, sd_y):
@@ -155,9 +136,6 @@ def test_a_correlated_normal_distribution(rho, sd):
     independent = priors.gaussian(41, (20.3, 19.8), sd)
     np.testing.assert_allclose(x, independent.sum(axis=0), atol=1e-9)
     np.testing.assert_allclose(y, independent.sum(axis=1), atol=1e-9)
-
-
-# Points.
 
 
 def test_points_by_hand():

@@ -162,9 +162,6 @@ def test_the_index_lists_every_page():
     assert set(re.findall(r"^   ([\w-]+)$", index.partition("toctree")[2], re.M)) == pages
 
 
-# The tables of the environment page.
-
-
 def section(heading: str) -> str:
     """The text under a heading."""
     return re.split(r"\n#+ ", ENVIRONMENT.partition(f"## {heading}\n")[2], maxsplit=1)[0]

@@ -20,9 +20,6 @@ def text_of(name: str) -> str:
     return (ROOT / name).read_text("utf-8")
 
 
-# The version.
-
-
 def test_the_version_is_the_same_everywhere():
     assert re.fullmatch(r"\d+\.\d+\.\d+", VERSION)
     citation, readme, changelog = map(text_of, ("CITATION.cff", "README.md", "CHANGELOG.md"))
@@ -33,17 +30,11 @@ def test_the_version_is_the_same_everywhere():
     assert all(re.fullmatch(r"\d+\.\d+\.\d+ \(\d{4}-\d\d-\d\d\)", title) for title in titles[1:])
 
 
-# The id.
-
-
 def test_the_id_is_the_same_everywhere():
     for environment in (DroneSwarmSearch, DroneVectorEnv, SwarmVectorEnv):
         assert environment.metadata["name"] == ID
     folder = Path(package.__file__).parent
     assert [path.stem for path in folder.glob("drone_swarm_search_v*.py")] == [ID]
-
-
-# The repository's address.
 
 
 def test_the_address_is_in_one_file():
@@ -54,9 +45,6 @@ def test_the_address_is_in_one_file():
     done = subprocess.run(search, cwd=ROOT, capture_output=True, text=True, check=True)
     # The notebook, which is made from it, installs the package in Colab.
     assert done.stdout.split() == ["docs/tutorial.ipynb", "pyproject.toml"]
-
-
-# What is left to do before a release.
 
 
 @pytest.fixture(scope="module")

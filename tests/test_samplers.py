@@ -70,24 +70,6 @@ def test_a_new_catalogue_serves_episodes_under_way_before_their_next_step():
     assert frame.step == 100 and frame.matrix.sum() > 0.1
 
 
-def test_what_is_not_sampled_is_as_the_batch_was_given_it():
-    batch = SearchBatch(
-        3,
-        sampler=lambda rng: {"vector": rng.uniform(-1, 1, 2)},
-        person_initial_position=(2, 2),
-        disperse_constant=4,
-        drones_positions=[(5, 5)],
-    )
-    batch.reset([1, 2, 3])
-    scenarios = [batch.scenario_of(row) for row in range(3)]
-    assert {each.person_initial_position for each in scenarios} == {((2, 2),)}
-    assert {each.disperse_constant for each in scenarios} == {4.0}
-    assert len({each.vector for each in scenarios}) > 1
-    assert batch.positions.tolist() == [[[5, 5]]] * 3
-    batch.reset(drones_positions=[(1, 1)])
-    assert batch.positions.tolist() == [[[1, 1]]] * 3
-
-
 BAD_SAMPLES: list[tuple[Any, type[Exception], str]] = [
     ({"timestep_limit": 5}, ValueError, "'timestep_limit'"),
     ({"vector": (0, NAN)}, ValueError, "vector"),

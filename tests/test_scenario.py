@@ -97,9 +97,6 @@ def test_bad_dicts_are_rejected(data, error, message):
         Scenario.from_dict(data)
 
 
-# Where a scenario is accepted.
-
-
 @pytest.mark.parametrize("name", ["grid_size", "person_initial_position", "reward_scheme"])
 def test_parameters_together_with_a_scenario_are_rejected(name):
     scenario, value = Scenario(**OTHER), OTHER[name]
@@ -121,9 +118,6 @@ def test_defaults_may_be_given_together_with_a_scenario():
                 kind(scenario=other)
         with pytest.raises(ValueError, match=r"vector .*together"):
             kind(scenario=scenario, vector=[[1, 2], [3]])
-
-
-# The example.
 
 
 def test_the_success_rates_of_the_example_are_as_documented():

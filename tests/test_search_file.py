@@ -86,9 +86,6 @@ def test_bad_files(tmp_path, text, message):
         search(str(path))
 
 
-# The command line.
-
-
 def answer(capsys: Any, *arguments: object) -> str:
     assert cli.main([*map(str, arguments)]) == 0
     return str(capsys.readouterr().out)

@@ -125,24 +125,6 @@ def test_batches_equal_single_environments(persons, updates, scheme):
     assert found > 10
 
 
-STRAIGHT = Person(wandering(2000, LIMIT, start=(1, 3), sd=0.05), 0.8)
-
-
-@pytest.mark.parametrize(
-    "situations",
-    [
-        [[follower(0.8)], [USUAL], [follower(0.5, TRACKS[2:])], [CHAIN]],
-        [[CHAIN], [STRAIGHT]],  # the tracks of one visit fewer cells
-    ],
-)
-def test_catalogues_may_mix_models(situations):
-    sizes = {"grid_size": SIZE, "timestep_limit": LIMIT, "bayesian_update": True}
-    twins = Twins(5, {**sizes, "situations": situations})
-    twins.reset(list(range(5)))
-    for step in range(30):
-        twins.step([[Action.SEARCH if step % 3 else Action.RIGHT]] * 5)
-
-
 @pytest.mark.parametrize("persons", PERSONS)
 def test_trackers_follow_the_posterior_of_the_environment(persons):
     scenario = scenario_of(persons, bayesian_update=True)

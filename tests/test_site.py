@@ -180,35 +180,6 @@ def test_pages_in_a_browser(browser, address, site, pages, theme, width):
             assert shown == (other not in classes) and (loaded or not shown), name
 
 
-@pytest.mark.parametrize("served", [True, False], ids=["served", "from files"])
-def test_search(browser, address, site, served):
-    """The search finds pages, both on a server and from local files."""
-    from selenium.webdriver.support.wait import WebDriverWait
-
-    root = address if served else site.as_uri()
-    for words in ("posterior", "SwarmVectorEnv", "person_initial_position"):
-        open_page(browser, f"{root}/search.html?q={words}")
-        WebDriverWait(browser, 20).until(
-            lambda chrome: chrome.find_elements("css selector", "#search-results li a")
-        )
-        first = browser.find_element("css selector", "#search-results li a")
-        browser.get(first.get_attribute("href").split("#")[0])
-        assert words.lower() in browser.find_element("css selector", "article").text.lower()
-    errors = console_messages(browser)
-    assert not served or errors == []
-
-
-def test_the_theme_can_be_chosen(browser, address):
-    open_page(browser, f"{address}/index.html")
-    browser.execute_script("localStorage.clear()")
-    themes = set()
-    for _ in range(3):
-        browser.execute_script("document.querySelector('.theme-toggle').click()")
-        themes.add(browser.execute_script("return document.body.dataset.theme"))
-    assert themes == {"light", "dark", "auto"}
-    browser.execute_script("localStorage.clear()")
-
-
 # The page "Watch searches".
 
 # The state of the player, for tests: ready, search, step, playing.

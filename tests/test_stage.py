@@ -101,15 +101,6 @@ def test_a_class_gets_the_argument_behind_it():
     assert PolicySpec.of(f"{__file__}:Stating").make(small().scenario).note == ""
 
 
-def test_what_follows_from_a_file_changes_with_it(tmp_path):
-    weights = tmp_path / "a.pt"
-    hashes = set()
-    for content in ("one", "two"):
-        weights.write_text(content)
-        hashes.add(PolicySpec.of(f"{__file__}:Stating:{weights}").source["sha256"])
-    assert len(hashes) == 2
-
-
 def test_videos_and_files_take_what_evaluate_takes(tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     assert record(Stating, small(), tmp_path / "a.gif", fps=50).last.ending

@@ -9,14 +9,6 @@ from DroneSwarmSearch.evaluation.episodes import Reliability
 from DroneSwarmSearch.evaluation.statistics import Estimate, bounded_mean, mean_of
 
 
-def test_bounded_means_without_skewness_have_nearly_normal_intervals():
-    sample = np.repeat([0.2, 0.3, 0.4, 0.5], 50)
-    got = bounded_mean(sample)
-    error = sample.std(ddof=1) / math.sqrt(200)
-    assert got == pytest.approx((0.35, 0.35 - 1.96 * error, 0.35 + 1.96 * error), rel=1e-4)
-    assert not got.is_exact
-
-
 def test_limits_solve_halls_equation():
     """His transformation of Student's statistic has the quantiles of the normal distribution."""
     sample = np.random.default_rng(2).exponential(size=80) / 50

@@ -31,7 +31,6 @@ from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate, save_csv
 from DroneSwarmSearch.policies import SwarmPolicy, make
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
-from DroneSwarmSearch.policies.planner import PlannerPolicy
 
 MINUTE = Scale(100, 60)
 FALLING = (1.0, 0.9, 0.6, 0.2)
@@ -95,9 +94,6 @@ def test_only_cold_water_is_accepted(celsius):
         survival.hayward(celsius)
 
 
-# The person.
-
-
 def test_entries_are_by_completed_steps_and_the_last_one_lasts():
     person = Person(Drift((0, 0)), survival=FALLING)
     assert [person.alive(step) for step in range(6)] == [1.0, 0.9, 0.6, 0.2, 0.2, 0.2]
@@ -143,9 +139,6 @@ def test_bad_survival_is_rejected(given, error, message):
         Person(Drift((0, 0)), survival=given)
 
 
-# Rewards.
-
-
 def test_expected_rewards_are_weighted_by_survival():
     first = Person(Drift((0, 0), diffusion=0.2), 0.5, survival=FALLING)
     second = Person(Drift((1, 0), diffusion=0.3), 0.8, survival=[0.7, 0.5])
@@ -183,9 +176,6 @@ def test_batches_and_single_environments_are_equal_with_survival():
         if "persons" in parameters:
             parameters["persons"] = [*map(mortal, parameters["persons"])]
         check_search(replace(case, parameters=parameters))
-
-
-# Policies.
 
 
 def two_persons(*curves: Any) -> Scenario:
@@ -265,29 +255,6 @@ def one_of(weights: dict[tuple[int, int], float], curve: Any, **more: Any) -> Na
 
 
 @pytest.mark.good_plans
-def test_the_planner_skips_a_cell_to_be_earlier_in_a_better_one():
-    weights = {(2, 2): 0.1, (2, 3): 0.6, (3, 3): 0.3}
-    always, dying = (
-        one_of(weights, curve, timestep_limit=5, detection=1.0)
-        for curve in (None, 0.5 ** np.arange(6))
-    )
-    assert planned(always) == pytest.approx(1) == optimum(always)  # in steps 0, 2 and 4
-    assert planned(dying) == pytest.approx(0.6 / 2 + 0.3 / 8) == optimum(dying)
-
-
-@pytest.mark.good_plans
-@pytest.mark.parametrize("first", [0, 1])
-def test_the_planner_first_looks_for_who_dies_first(first):
-    curves = [[0.9], [0.9]]
-    curves[first] = [0.9] * 5 + [0.1]
-    scenario = two_persons(*curves)
-    matrix = BeliefTracker(scenario).matrix()
-    planner = PlannerPolicy(scenario, seconds=0.3)
-    (action,) = planner(observations([(2, 2)], matrix)).values()
-    assert action == (Action.LEFT, Action.RIGHT)[first]
-
-
-@pytest.mark.good_plans
 @pytest.mark.parametrize("seed", range(6))
 def test_small_plans_are_optimal(seed):
     rng = random.Random(seed)
@@ -296,9 +263,6 @@ def test_small_plans_are_optimal(seed):
     curve = sorted((rng.random() for _ in range(6)), reverse=True)
     of = one_of(weights, curve, timestep_limit=5, detection=rng.choice([0.5, 1]))
     assert planned(of) == pytest.approx(optimum(of), rel=1e-9)
-
-
-# Evaluations.
 
 
 class Visits(SwarmPolicy):

@@ -103,16 +103,6 @@ def test_a_collector_plays_the_episodes_of_the_vector_environment():
     assert 0 < np.mean(stats.probabilities) < 1
 
 
-def test_seeds():
-    envs = DroneVenv(vector_env())
-    expected, _ = vector_env().reset(seed=3)
-    for seed in (3, [3, 4, 5, 6, 7, 8, 9, 10]):
-        assert len(envs.seed(seed)) == 8  # type: ignore[arg-type]
-        assert (envs.reset()[0].obs == expected["observation"]).all()
-        envs.step(np.full(8, 5))
-    assert (envs.reset(seed=3)[0].obs == expected["observation"]).all()
-
-
 def test_some_sub_environments():
     envs = DroneVenv(vector_env())
     envs.reset()

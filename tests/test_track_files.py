@@ -83,36 +83,6 @@ def read(path: Path, **options: Any) -> Tracks:
     return Tracks.read(path, **{"scale": SCALE, "origin": ORIGIN[::-1], **options})
 
 
-# Where and when.
-
-
-@pytest.mark.parametrize("origin", [(4.8, 60.0), (-179.999, -44.0), (179.999, 10.0)])
-def test_positions_are_those_of_the_ellipsoid(tmp_path, origin):
-    """Compared with the tangent plane in three dimensions; float32 degrees are exact to 2 m."""
-    rng = np.random.default_rng(0)
-    ends = np.array(origin) + rng.uniform(-0.02, 0.02, (50, 1, 2))
-    wrapped = np.where(abs(ends) < 180, ends, ends - 360 * np.sign(ends))  # at 180 degrees
-    tracks = read(
-        write(tmp_path / "a.nc", np.repeat(wrapped, 4, 1)), origin=origin[::-1], cell=(9, 7)
-    )
-
-    def earth(degrees: Any) -> Any:
-        """Earth-centred coordinates in metres, on the WGS 84 ellipsoid."""
-        longitude, latitude = np.radians(degrees).T
-        a, b = 6378137.0, 6356752.314245
-        parallel = np.arctan(b / a * np.tan(latitude))  # the reduced latitude
-        flat = a * np.cos(parallel)
-        return flat * np.cos(longitude), flat * np.sin(longitude), b * np.sin(parallel)
-
-    far = np.stack(earth(wrapped[:, 0])) - np.stack(earth(np.array([origin]))).reshape(3, 1)
-    sin, cos = np.sin(np.radians(origin)), np.cos(np.radians(origin))
-    east = -sin[0] * far[0] + cos[0] * far[1]
-    north = -sin[1] * (cos[0] * far[0] + sin[0] * far[1]) + cos[1] * far[2]
-    found = (tracks.positions[0] - (9, 7)) * SCALE.metres_per_cell
-    assert np.abs(far).max() > 1000
-    np.testing.assert_allclose(found, np.stack([east, -north], axis=-1), atol=4)
-
-
 @given(
     times=st.lists(st.integers(0, 7200), min_size=2, max_size=9, unique=True).map(sorted),
     start=st.floats(0, 1),
@@ -450,9 +420,6 @@ def test_another_npz(tmp_path, content):
 def test_missing_file(tmp_path, name):
     with pytest.raises(FileNotFoundError, match="path must name a file, but there is no"):
         read(tmp_path / name)
-
-
-# Scenarios as JSON.
 
 
 @pytest.mark.filterwarnings("ignore:.* tracks are few")

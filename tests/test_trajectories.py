@@ -97,7 +97,3 @@ class TestTrajectories:
             pairs[path[0] * 25 + path[-1]] += probability
         error = np.sqrt(pairs * (1 - pairs) / count)
         assert (abs(rates - pairs) <= 4.5 * error + 1 / count).all()
-
-    def test_too_many_are_not_enumerated(self):
-        forecast = ProbabilityMatrix(300, Drift(np.ones((300, 300)), diffusion=0.1))
-        assert enumerate_trajectories(forecast, 1) is None

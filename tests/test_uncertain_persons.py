@@ -85,28 +85,6 @@ def play(env: DroneSwarmSearch, seed: int, **options: Any) -> list[Any]:
     return history
 
 
-# The matrix is the persons' distribution.
-
-
-@pytest.mark.parametrize("name", SITUATIONS)
-@pytest.mark.parametrize("t", [0, 25])
-def test_persons_are_distributed_as_the_matrix(name, t):
-    env = environment(persons=SITUATIONS[name], n_drones=1)
-    env.reset(seed=3)
-    counts = np.zeros((len(SITUATIONS[name]), SIZE, SIZE))
-    for _ in range(800):
-        env.reset()
-        for _ in range(t):
-            env.step({"drone0": Action.IDLE})
-        for count, (x, y) in zip(counts, env.frame().persons, strict=True):
-            count[y, x] += 1
-    for count, forecast in zip(counts, env.scenario.forecasts(), strict=True):
-        found, limit = distance(count, forecast.exact(t))
-        assert found <= limit
-    mean = np.mean([forecast.exact(t) for forecast in env.scenario.forecasts()], axis=0)
-    np.testing.assert_allclose(env.state()[0], mean, atol=1e-6)
-
-
 @pytest.mark.parametrize("person", [TWO_SIDES, ON_A_LINE])
 def test_missing_persons_are_distributed_as_the_posterior(person):
     """Searches learn about cells and hypotheses, and the POS is the share of finds."""
@@ -136,9 +114,6 @@ def test_missing_persons_are_distributed_as_the_posterior(person):
         assert weights != pytest.approx(person.drift.weights)
 
 
-# Episodes.
-
-
 def test_persons_for_one_episode():
     env = environment()
     env.reset(seed=0, options={"persons": [KNOWN, ON_A_LINE]})
@@ -155,9 +130,6 @@ def test_persons_for_one_episode():
     with pytest.raises(ValueError, match="vector cannot be given together with persons"):
         env.reset(options={"persons": KNOWN}, vector=(0.3, 0.3))
     assert env.vector == (0.2, 0.2)
-
-
-# The probability of success.
 
 
 def test_the_probability_of_success_is_absent_without_beliefs():
@@ -209,9 +181,6 @@ def test_the_probability_of_success_never_falls():
             assert 0.0 <= infos["probability_of_success"] < 1e-14
 
 
-# The coverage mission.
-
-
 def test_coverage_ends_when_little_is_left_to_find():
     env = environment(persons=[KNOWN], mission="coverage", n_drones=1)
     assert env.scenario.reward_scheme == RewardScheme.expected()
@@ -221,24 +190,6 @@ def test_coverage_ends_when_little_is_left_to_find():
     assert rewards == {"drone0": 1.0} and terminations == {"drone0": True}
     assert infos["ending"] is Ending.COVERED and infos["probability_of_success"] == 1.0
     assert not infos["Found"] and infos["persons_found"] == (False,)
-
-
-def test_coverage_finds_nobody_and_has_no_penalty():
-    env = environment(mission="coverage", timestep_limit=20, n_drones=1)
-    for seed in range(20):
-        rng = np.random.default_rng(seed)
-        env.reset(seed=seed, drones_positions=[(4, 5)])
-        total, success = 0.0, 0.0
-        while env.agents:
-            _, rewards, *_, infos = env.step(actions_of(rng, env))
-            assert rewards["drone0"] == pytest.approx(infos["probability_of_success"] - success)
-            success = infos["probability_of_success"]
-            total += rewards["drone0"]
-        assert infos["ending"] is Ending.TIME_LIMIT and not infos["Found"]
-        assert total == pytest.approx(success)
-
-
-# The scenario.
 
 
 def test_replacing_persons():

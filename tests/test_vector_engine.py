@@ -22,7 +22,7 @@ from helpers import (
     without_history,
 )
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, ResetNeeded
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.vector import SearchBatch, beliefs
 
@@ -147,9 +147,6 @@ def random_actions(rng: random.Random, twins: Twins) -> list[list[int]]:
     return chosen
 
 
-# Batches to try.
-
-
 @dataclass(frozen=True)
 class Case:
     """A batch's parameters, how it computes, and what is done with it."""
@@ -214,9 +211,6 @@ def use_tiles(patch: pytest.MonkeyPatch, case: Case) -> None:
     patch.setattr(beliefs, "_MOST_ROWS", case.tile_rows)
 
 
-# Tiles of beliefs, long episodes.
-
-
 def play(twins: Twins, steps: int, seed: int = 0) -> None:
     rng = random.Random(seed)
     for _ in range(steps):
@@ -242,9 +236,6 @@ def test_arrays_have_the_documented_types():
         array = getattr(batch, name)
         assert (array.dtype, array.shape) == (dtype, shape), name
     assert batch.num_rows == 3
-
-
-# Resets.
 
 
 def test_a_reset_replaces_the_catalogue_and_leaves_episodes_under_way_alone():
@@ -280,19 +271,6 @@ def test_a_catalogue_of_drifts_replaces_one_with_tracks():
         play(twins, 30)
 
 
-def test_a_batch_steps_once_every_row_has_begun():
-    batch = SearchBatch(3)
-    for rows in ([0, 2], [1]):
-        with pytest.raises(ResetNeeded, match="reset"):
-            batch.step(np.zeros((3, 1), int))
-        batch.reset(range(len(rows)), rows)
-    batch.step(np.full((3, 1), Action.IDLE))
-    assert batch.steps.tolist() == [1, 1, 1]
-
-
-# Copies.
-
-
 COPIED: dict[str, dict[str, Any]] = {
     "sampler": {"sampler": everything_sampled},
     "several persons, bayesian": {PERSON: [(1, 1), (4, 4)], "bayesian_update": True},
@@ -322,9 +300,6 @@ def test_copies_are_equal_and_independent(name):
     log = play_on(copy.deepcopy(batch))
     assert pickle.dumps(batch) == state
     assert play_on(pickle.loads(state)) == log == play_on(batch)
-
-
-# Memory and time.
 
 
 def test_episodes_of_a_million_steps_need_no_more_memory_than_short_ones():

@@ -125,9 +125,6 @@ def test_every_row_is_the_single_environment_in_thousands_of_cases():
         check_search(random_search(random.Random(number)))
 
 
-# Situations.
-
-
 def test_episodes_draw_situations_with_equal_chances_from_their_sampling_streams():
     count, rows = 3, 40
     batch = SearchBatch(rows, situations=CATALOGUE, **SIZES)

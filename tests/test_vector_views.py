@@ -161,9 +161,6 @@ def gymnasiums(
     return SyncVectorEnv(swarms, autoreset_mode=mode)
 
 
-# What spaces, observations and infos are.
-
-
 @both_views
 @all_layouts
 def test_everything_lies_in_its_space(view, layout, writes):
@@ -198,9 +195,6 @@ def test_everything_lies_in_its_space(view, layout, writes):
         for last in infos["final_obs"][terminated] if terminated.any() else ():
             assert with_arrays(last) in env.single_observation_space
     assert ended > n
-
-
-# Rewards and masks.
 
 
 def masks_of(env: SearchVectorEnv) -> np.ndarray:
@@ -255,9 +249,6 @@ def test_observations_or_infos_hold_masks_on_request(view, layout, writes, mode,
     assert ended > 5
 
 
-# The table of matrices.
-
-
 @both_views
 def test_indices_name_the_matrices_that_would_be_written(view):
     drifts = [(0.3, -0.2), (0.0, 0.1), (0.3, -0.2), (-1.0, 0.0)]
@@ -278,9 +269,6 @@ def test_indices_name_the_matrices_that_would_be_written(view):
             assert shown.setdefault(entry, matrix) == matrix
         seen, wanted = indexed.step(idle)[0], writing.step(idle)[0]
     assert len(shown) == 3 * 71  # two of the four forecasts are one
-
-
-# Seeds.
 
 
 @pytest.mark.parametrize("seed", [7, np.int64(7), (7, 8, 9), np.array([7, 8, 9])], ids=type)
@@ -324,9 +312,6 @@ def test_wrong_seeds_are_refused(seed, error, words):
     with pytest.raises(error, match=words):
         env.reset(seed=seed)
     assert pickle.dumps(env.batch) == before
-
-
-# Episodes that end, against Gymnasium's own vector of single environments.
 
 
 def by_drone(observations: dict[str, np.ndarray], n: int) -> dict[str, np.ndarray]:
@@ -468,9 +453,6 @@ def test_the_options_of_a_reset_hold_as_long_as_they_should(view):
     assert env.batch.positions[:, 2].tolist() == [[2, 0]] * 20
 
 
-# Gymnasium's wrappers and conventions.
-
-
 @both_views
 def test_the_conventions_of_vector_environments_are_kept(view):
     env = view(3, autoreset_mode="SameStep", **SMALL)
@@ -481,27 +463,6 @@ def test_the_conventions_of_vector_environments_are_kept(view):
     env.close()
     env.close()
     assert env.closed
-
-
-# Whose the returned arrays are.
-
-
-@both_views
-@all_modes
-def test_what_was_returned_never_changes(view, mode):
-    env = view(3, autoreset_mode=mode, **SMALL)
-    rng = np.random.default_rng(0)
-    results: list[tuple[Any, ...]] = [env.reset(seed=1)]
-    as_it_was = [as_data(results[0])]
-    for _ in range(14):
-        actions = random_actions(rng, env)
-        results.append(env.step(actions))
-        as_it_was.append(as_data(results[-1]))
-        dones = results[-1][2]
-        if mode is AutoresetMode.DISABLED and dones.any():
-            results.append(env.reset(options={"reset_mask": dones}))
-            as_it_was.append(as_data(results[-1]))
-    assert [as_data(result) for result in results] == as_it_was
 
 
 def arrays_in(result: Any) -> list[np.ndarray]:
@@ -537,9 +498,6 @@ def test_a_shared_reward_is_the_mean_over_the_swarm():
     assert (means == rewards.mean(axis=1, keepdims=True)).all()
     with pytest.raises(TypeError, match="shared_reward must be True or False, got 1"):
         DroneVectorEnv(4, shared_reward=1)
-
-
-# Everything else.
 
 
 @pytest.mark.parametrize("mode", ["ansi", "rgb_array"])

@@ -104,17 +104,11 @@ def episodes(env: Any, seeds: range, policy_seed: int = 0) -> list[Any]:
     return log
 
 
-# PettingZoo's tests.
-
-
 @unknown_option_is_warned_about
 @each_wrapper
 def test_parallel_api_and_seed(wrap):
     parallel_api_test(wrap(DroneSwarmSearch(**SMALL)))
     parallel_seed_test(lambda: wrap(DroneSwarmSearch(**MISSION)))
-
-
-# All wrappers.
 
 
 @each_wrapper
@@ -229,9 +223,6 @@ def test_other_environments_are_rejected(wrapper):
             wrapper(other)
 
 
-# Layouts.
-
-
 @each_layout
 @settings(max_examples=12)
 @given(
@@ -299,9 +290,6 @@ def test_other_drones_are_added(inner, case):
             shown, wanted = env.step(actions)[0], plainly.step(actions)[0]
 
 
-# Rewards and flags.
-
-
 @pytest.mark.parametrize("scheme", SCHEMES, ids=["usual", "sparse", "fractions", "expected"])
 @pytest.mark.parametrize(("seed", "scale"), [(0, 2.0**-40), (1, 2.0**40)])
 def test_scaled_rewards_can_be_scaled_back_to_the_last_bit(scheme, seed, scale):
@@ -321,9 +309,6 @@ def test_scaled_rewards_can_be_scaled_back_to_the_last_bit(scheme, seed, scale):
 def test_invalid_scales_are_rejected(scale, error):
     with pytest.raises(error, match="scale must be a finite number above 0, got"):
         ScaledRewards(DroneSwarmSearch(), scale)
-
-
-# Masks.
 
 
 @pytest.mark.parametrize("right_of_way", [False, True])
@@ -359,26 +344,3 @@ def test_masks_require_a_reset_and_boolean_flags():
 
 
 # Conversions by other packages.
-
-
-@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
-def test_supersuit_makes_vector_environments():
-    supersuit = pytest.importorskip("supersuit")
-    wrapped = FlatObservation(DroneSwarmSearch(**MISSION))
-    vector = supersuit.pettingzoo_env_to_vec_env_v1(wrapped)
-    reference = FlatObservation(DroneSwarmSearch(**MISSION))
-    assert vector.num_envs == 3
-    assert vector.observation_space == reference.observation_space("drone0")
-    observations, _ = vector.reset(seed=5)
-    wanted, _ = reference.reset(seed=5)
-    rng = np.random.default_rng(0)
-    for _ in range(60):
-        assert plain(np.stack(list(wanted.values()))) == plain(np.asarray(observations))
-        actions = [random_action(rng) for _ in range(3)]
-        observations, rewards, terminated, _, _ = vector.step(np.array(actions))
-        names = dict(zip(reference.possible_agents, actions, strict=True))
-        wanted, their_rewards, *_ = reference.step(names)
-        assert np.float32([*their_rewards.values()]).tolist() == np.float32(rewards).tolist()
-        assert np.all(terminated) == (not reference.agents)
-        if not reference.agents:
-            wanted, _ = reference.reset()
