@@ -178,11 +178,6 @@ def collisions(targets: Ints) -> Ints:
     return collided.T.reshape(-1).nonzero()[0]
 
 
-def affects_all(targets: Sequence[int], steps_before: int, timestep_limit: int) -> bool:
-    """Whether drones crash or the time limit is reached: else, only searches change a reward."""
-    return steps_before == timestep_limit - 1 or len({OFF_GRID, *targets}) <= len(targets)
-
-
 def outcome(
     scheme: RewardScheme,
     timestep_limit: int,
@@ -217,6 +212,9 @@ def outcome(
         Every drone's reward, and the ending or None.
     """
     is_last = steps_before == timestep_limit - 1
+    crashes = len({OFF_GRID, *targets}) <= len(targets)
+    if not (crashes or observed or len(found) or is_last or all_found or covered):
+        return [scheme.step] * len(targets), None  # so most steps take less time
     shared = same_cell(targets)
     rewards = []
     for drone, target in enumerate(targets):
