@@ -201,8 +201,6 @@ def test_submodules_are_imported_on_access():
     subprocess.run([sys.executable, "-c", SUBMODULES], check=True, timeout=60)
 
 
-# Side effects of importing and stepping.
-
 HEADLESS = """
 import random, sys
 import numpy as np

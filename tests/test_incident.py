@@ -158,8 +158,6 @@ def test_flows_are_read_as_they_are_typed(tmp_path):
     assert Incident(**{**KNOWN, "current": "NW 1kn"}).current == current_towards(315, KNOT)
 
 
-# What drones can do.
-
 PATTERNS = st.builds(
     Pattern,
     kind=st.sampled_from(KINDS),

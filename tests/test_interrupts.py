@@ -61,8 +61,6 @@ def interruptions(
         yield subject
 
 
-# The single environment.
-
 SEVERAL: dict[str, Any] = {
     "grid_size": 4,
     "n_drones": 2,
@@ -124,8 +122,6 @@ def test_an_interrupted_reset_of_an_environment():
         assert play(left, seed=8, vector=(0.1, 0.1)) == expected
     assert asked > 10
 
-
-# Batches.
 
 ROWS = 5
 BATCHES: dict[str, dict[str, Any]] = {

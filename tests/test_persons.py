@@ -185,8 +185,6 @@ def test_the_share_beyond_the_grid_is_a_mean_over_priors_and_hypotheses():
     assert shares == pytest.approx([0, 1, 0, 0], abs=1e-5)
 
 
-# Bad input: the value, the error, and what the message says.
-
 DRIFTS: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"start": 3}, TypeError, "start must be a cell"),
     ({"start": (0.5, 0)}, ValueError, r"start\[0\] must be a whole .*unless start_sd or adrift"),

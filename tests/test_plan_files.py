@@ -149,8 +149,6 @@ def test_geojson_has_lines_and_waypoints(plan, folder):
             assert properties["searching"] is waypoint.searching
 
 
-# Missions.
-
 FIELDS = {"autoContinue", "command", "doJumpId", "frame", "params", "type"}
 
 

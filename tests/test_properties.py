@@ -16,8 +16,6 @@ from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
 
 Cell = tuple[int, int]
 
-# Random episodes.
-
 
 @dataclass(frozen=True)
 class Episode:

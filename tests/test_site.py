@@ -180,8 +180,6 @@ def test_pages_in_a_browser(browser, address, site, pages, theme, width):
             assert shown == (other not in classes) and (loaded or not shown), name
 
 
-# The page "Watch searches".
-
 # The state of the player, for tests: ready, search, step, playing.
 PLAY = "document.getElementById('player').dataset"
 

@@ -35,8 +35,6 @@ from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 MINUTE = Scale(100, 60)
 FALLING = (1.0, 0.9, 0.6, 0.2)
 
-# The curve.
-
 
 # Minutes by the formula of Hayward, Eckerson and Collis, worked out by hand.
 @pytest.mark.parametrize(

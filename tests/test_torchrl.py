@@ -306,6 +306,3 @@ def test_gym_wrapper(kind, mode, masks, layout):
         same(after["action_mask"], observations["action_mask"])
         assert after["reward"].flatten().tolist() == np.float32(rewards).tolist()
         assert after["truncated"].flatten().tolist() == truncated.tolist()
-
-
-# Single environments in TorchRL's PettingZooWrapper.

@@ -163,8 +163,6 @@ def test_other_files_of_the_convention(tmp_path, layout):
     np.testing.assert_allclose(later.positions, expected.positions[60:], atol=0.01)
 
 
-# Elements that end or begin during the search.
-
 MANY = [DRIFTING] * 19
 
 
@@ -268,8 +266,6 @@ def test_latitude_and_longitude_exchanged(tmp_path):
     far = write(tmp_path / "b.nc", [track(4.8, 4.81)] + [track(9.0, 9.01)] * 20, HOURS[:2])
     read(far)  # one comes near
 
-
-# Bad input.
 
 NAIVE = datetime(2026, 6, 1, 12)
 

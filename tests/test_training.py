@@ -73,8 +73,6 @@ def test_a_trained_policy_samples_allowed_actions_by_its_seed():
         TrainedPolicy(lambda observations: logits, 1)  # type: ignore[arg-type]
 
 
-# The comparison with the baselines.
-
 SMALL: dict[str, Any] = {
     "grid_size": 5,
     "n_drones": 2,

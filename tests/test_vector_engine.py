@@ -26,8 +26,6 @@ from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.vector import SearchBatch, beliefs
 
-# A batch, and a single environment for each of its rows.
-
 
 def of_row(parameters: Mapping[str, Any], row: int) -> dict[str, Any]:
     """The parameters of one row, as the single environment takes them."""

@@ -18,8 +18,6 @@ from DroneSwarmSearch.vector import SearchBatch, SwarmVectorEnv
 
 SIZES = {"grid_size": 6, "n_drones": 2, "timestep_limit": 15}
 
-# Random cases, each compared with single environments.
-
 
 def random_drift(rng: random.Random, size: int) -> Drift:
     known: dict[str, Any] = {
