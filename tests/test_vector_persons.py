@@ -13,7 +13,7 @@ from helpers import plain, without_history
 from test_vector_engine import Case, Twins, planned, play, random_case, use_tiles
 
 from DroneSwarmSearch import Drift, DroneSwarmSearch, Ending, Person, RewardScheme
-from DroneSwarmSearch._internal.streams import episode_keys, numbers, stream_keys
+from DroneSwarmSearch._internal.streams import episode_keys, stream_keys, uniforms
 from DroneSwarmSearch.vector import SearchBatch, SwarmVectorEnv
 
 SIZES = {"grid_size": 6, "n_drones": 2, "timestep_limit": 15}
@@ -130,7 +130,7 @@ def test_episodes_draw_situations_with_equal_chances_from_their_sampling_streams
         batch.reset(range(rows) if episode == 0 else None)
         keys = np.array([stream_keys(row)[2] for row in range(rows)])
         of_episode = episode_keys(keys, np.array([episode], np.uint64))
-        first = numbers(of_episode, np.zeros(1, np.uint64))
+        first = uniforms(of_episode, np.zeros(1, np.uint64))
         assert batch.situation.tolist() == (first * count).astype(int).tolist()
 
 

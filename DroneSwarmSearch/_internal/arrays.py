@@ -1,4 +1,4 @@
-"""Names for the types of arrays."""
+"""Names for the types of arrays, and of pairs."""
 
 from __future__ import annotations
 
@@ -11,3 +11,5 @@ Integers = NDArray[np.integer]
 Ints = NDArray[np.int64]
 Singles = NDArray[np.float32]
 Words = NDArray[np.uint64]
+
+Pair = tuple[float, float]

@@ -55,12 +55,12 @@ def episode_keys(keys: Words, episodes: Words) -> Words:
     return mixed(keys + (episodes + _ONE) * GOLDEN)
 
 
-def numbers(keys: Words, places: Words) -> Floats:
+def uniforms(keys: Words, places: Words) -> Floats:
     """The uniforms in [0, 1) at places, from 0, in the sequences of episodes; both broadcast."""
-    return unit_numbers(keys + (places + _ONE) * GOLDEN)
+    return uniforms_of(keys + (places + _ONE) * GOLDEN)
 
 
-def unit_numbers(counters: Words) -> Floats:
+def uniforms_of(counters: Words) -> Floats:
     """The uniforms of counters: an episode's key plus `GOLDEN` times the place, from 1."""
     words = mixed(counters)
     words >>= _LOWEST_BITS
@@ -98,7 +98,7 @@ class EpisodeStream:
         if end > self._known_first + len(self._known):
             places = np.arange(begin, max(end, begin + _CHUNK), dtype=np.uint64)
             first, keys, _ = self._heads
-            self._known = numbers(keys[[episode - first]], places).tolist()
+            self._known = uniforms(keys[[episode - first]], places).tolist()
             self._known_first = begin
         return self._known[begin - self._known_first : end - self._known_first]
 
@@ -107,7 +107,7 @@ class EpisodeStream:
         if not 0 <= episode - first < len(heads):
             first = episode
             keys = episode_keys(self._key, np.arange(first, first + _EPISODES, dtype=np.uint64))
-            heads = numbers(keys[:, None], np.arange(_FIRST, dtype=np.uint64)).tolist()
+            heads = uniforms(keys[:, None], np.arange(_FIRST, dtype=np.uint64)).tolist()
             self._heads = first, keys, heads
         self._known, self._known_first = heads[episode - first], 0
         self._episode = episode

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
-from DroneSwarmSearch._internal.streams import numbers, stream_keys
+from DroneSwarmSearch._internal.streams import stream_keys, uniforms
 from DroneSwarmSearch.drift.model import DriftModel
 
 MOST_ENUMERATED = 65536
@@ -45,12 +45,12 @@ def enumerate_trajectories(model: DriftModel, steps: int) -> Trajectories | None
 def sample_trajectories(model: DriftModel, steps: int, count: int) -> Trajectories:
     """Independent, equally likely trajectories over a number of steps; always the same."""
     key, _, _, start_key = stream_keys(0)
-    states = model.start(numbers(start_key, np.arange(count, dtype=np.uint64)))
+    states = model.start(uniforms(start_key, np.arange(count, dtype=np.uint64)))
     cells = np.empty((steps, count), np.int64)
     for step in range(steps):
         cells[step] = model.cells(states)
         places = np.arange(2 * step * count, 2 * (step + 1) * count, dtype=np.uint64)
-        states = model.moved(states, step, *numbers(key, places).reshape(2, count))
+        states = model.moved(states, step, *uniforms(key, places).reshape(2, count))
     return equally_likely(cells)
 
 

@@ -21,9 +21,10 @@ from DroneSwarmSearch.evaluation.results import Evaluation, csv_text, save_csv
 from DroneSwarmSearch.evaluation.run import bounds_of, check_names, manifest
 from DroneSwarmSearch.evaluation.run_folder import RunFolder, file_name
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION
-from DroneSwarmSearch.evaluation.text_tables import WIDTH, figure, percent, print_table
+from DroneSwarmSearch.evaluation.text_tables import figure, percent, print_table
 from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.layouts.view import FORMS, View
+from DroneSwarmSearch.rendering.text import WIDTH
 
 FAILED, INTERRUPTED = 1, 130  # exit codes; 130 is the shells' code for Ctrl-C
 PACKAGE = Path(__file__).parents[1]

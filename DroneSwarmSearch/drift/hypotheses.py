@@ -19,7 +19,7 @@ from DroneSwarmSearch.drift.known import KnownDrift
 MAX_DIFFUSION = 2 / 3  # the variance of a step to one of three adjacent cells at random
 _LARGE = 1e300  # stands for larger numbers, so that differences of two of them stay finite
 
-_ROUNDING = 1e-12
+ROUNDING = 1e-12
 
 Vector = tuple[float, float] | Floats | Mapping[int, tuple[float, float]]
 
@@ -89,7 +89,7 @@ class Drift:
             "start_sd": start_sd,
             "vector": _vector("vector", self.vector, checks.pair),
             "vector_sd": _vector("vector_sd", self.vector_sd, _deviations),
-            "diffusion": checks.real("diffusion", self.diffusion, 0, MAX_DIFFUSION + _ROUNDING),
+            "diffusion": checks.real("diffusion", self.diffusion, 0, MAX_DIFFUSION + ROUNDING),
             "adrift": adrift,
             "weight": checks.positive("weight", self.weight),
         }
@@ -335,7 +335,7 @@ def _probabilities(given: NDArray[Any]) -> Floats:
         total = values.sum()
     if not 0.0 < total < np.inf:
         raise ValueError(f"start must have a positive, finite sum, got {total}")
-    if abs(total - 1.0) > _ROUNDING:  # so that a copy has the same values
+    if abs(total - 1.0) > ROUNDING:  # so that a copy has the same values
         values /= total
     values += 0.0  # turns -0.0 into 0.0
     return _read_only(values)

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.arrays import Floats, Pair
 from DroneSwarmSearch.drift.hypotheses import MAX_DIFFUSION, Drift, displaced
 from DroneSwarmSearch.drift.persons import Person, warn_of_mass_beyond
 from DroneSwarmSearch.drift.scale import Scale
@@ -44,7 +44,6 @@ __all__ = [
     "wind_from",
 ]
 
-Pair = tuple[float, float]
 
 KNOT = 1852 / 3600
 """One knot in m/s."""

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 
-_BLOCK_STEPS = 32
-_BLOCK_BYTES = 2**22
+BLOCK_STEPS, BLOCK_BYTES = 32, 2**22  # of tables: the most that are filled at a time
 
 
 class DriftModel(ABC):
@@ -261,7 +260,7 @@ class Forecasts:
         """Fill the tables up to this step, at most to the last one."""
         step = min(step, self._last)
         while self._filled <= step:
-            usual = max(1, min(_BLOCK_STEPS, _BLOCK_BYTES // self.step_bytes), self._filled)
+            usual = max(1, min(BLOCK_STEPS, BLOCK_BYTES // self.step_bytes), self._filled)
             more = min(usual, self._last + 1 - self._filled)
             self._fill(more)
             first, self._filled = self._filled, self._filled + more

@@ -11,11 +11,9 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.drift.hypotheses import Hypotheses
+from DroneSwarmSearch.drift.hypotheses import ROUNDING, Hypotheses
 from DroneSwarmSearch.drift.known import KnownDrift
 from DroneSwarmSearch.drift.tracks import TrackDrift, Tracks
-
-_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,7 @@ def _survival(value: object) -> tuple[float, ...]:
     if given.ndim != 1 or not given.size:
         raise ValueError(f"survival must be {what}, got an array of shape {given.shape}")
     wrong = ~((given >= 0.0) & (given <= 1.0))
-    wrong[1:] |= np.diff(given) > _ROUNDING
+    wrong[1:] |= np.diff(given) > ROUNDING
     if wrong.any():
         raise ValueError(f"survival must be {what}, got {given[wrong][0]} at step {wrong.argmax()}")
     return tuple(given.tolist())

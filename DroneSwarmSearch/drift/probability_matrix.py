@@ -25,13 +25,10 @@ from DroneSwarmSearch.drift.axes import (
 )
 from DroneSwarmSearch.drift.forecast_tables import ForecastTables
 from DroneSwarmSearch.drift.hypotheses import Hypotheses
-from DroneSwarmSearch.drift.model import DriftModel
+from DroneSwarmSearch.drift.model import BLOCK_BYTES, BLOCK_STEPS, DriftModel
 
 CACHE_BYTES = 16 * 2**20
 """The largest tables that a forecast keeps; later ones are made again in each episode."""
-
-_BLOCK_STEPS = 32
-_BLOCK_BYTES = 4 * 2**20
 
 _MATRICES_BYTES = 2**28  # the largest transition matrices that a forecast keeps
 
@@ -83,7 +80,7 @@ class ProbabilityMatrix(DriftModel):
         self._separable = all(drift.prior is None for drift in known.drifts)
         joint = 0 if self._separable else 8 * size**2
         self._step_bytes = 4 * size**2 + hypotheses * (8 * 8 * size + joint) + 512
-        self._block_steps = min(max(_BLOCK_BYTES // self._step_bytes, 1), _BLOCK_STEPS)
+        self._block_steps = min(max(BLOCK_BYTES // self._step_bytes, 1), BLOCK_STEPS)
         self._matrices: dict[int, Floats] = {}  # along x and y, by step
         self._block: _Block | None = None  # used last
 

@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Pair
 
 __all__ = ["Scale"]
-
-Pair = tuple[float, float]
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Pair
 from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.drift.scale import Scale
-
-Pair = tuple[float, float]
 
 USUAL = {"lon": "longitude", "lat": "latitude"}  # names of variables without a standard name
 MOST_LOST = 0.1  # the largest share of lost tracks: nobody knows what became of them

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from itertools import zip_longest
 
 from DroneSwarmSearch.evaluation.statistics import Estimate
+from DroneSwarmSearch.rendering.text import WIDTH
 
-WIDTH = 80  # characters in a line of a table
 MOST_DECIMALS = 4  # decimals of figures with a narrow interval; those with a wide one have one
 
 

@@ -10,10 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
+from DroneSwarmSearch._internal.arrays import Floats, Ints, Pair, Singles
 from DroneSwarmSearch.drift.track_files import opened, since_1970
-
-Pair = tuple[float, float]
 
 NAMES = {
     "current": (

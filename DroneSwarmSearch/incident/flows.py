@@ -19,8 +19,6 @@ from DroneSwarmSearch.drift.leeway import current_towards, wind_from
 from DroneSwarmSearch.incident import units
 from DroneSwarmSearch.incident.flights import in_utc
 
-Pair = tuple[float, float]
-
 FASTEST = {"wind": 60.0, "current": 5.0}
 """In m/s; beyond, a figure was probably given in another unit."""
 

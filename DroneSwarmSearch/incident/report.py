@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.arrays import Floats, Pair
 from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch.drift import leeway
 from DroneSwarmSearch.drift.plane import EQUATOR, TangentPlane
@@ -28,7 +28,6 @@ from DroneSwarmSearch.incident.flows import FASTEST, FILES, named, read_flow, se
 from DroneSwarmSearch.incident.particles import Flow, Particles
 from DroneSwarmSearch.incident.patterns import Drone
 
-Pair = tuple[float, float]
 Self = TypeVar("Self", bound="Report")
 
 FARTHEST = 100_000.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from DroneSwarmSearch._internal.arrays import Pair
 from DroneSwarmSearch.drift.leeway import KNOT
 
-Pair = tuple[float, float]
 Units = Mapping[str, float]
 
 SPEED: Units = {

@@ -15,9 +15,8 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
+from DroneSwarmSearch._internal.arrays import Pair
 from DroneSwarmSearch.core.grid import Cell
-
-Point = tuple[float, float]
 
 
 class Rectangle(NamedTuple):
@@ -29,7 +28,7 @@ class Rectangle(NamedTuple):
     height: int
 
     @property
-    def centre(self) -> Point:
+    def centre(self) -> Pair:
         """The middle, which may lie between cells."""
         return self.x + (self.width - 1) / 2, self.y + (self.height - 1) / 2
 
@@ -45,7 +44,7 @@ class Rectangle(NamedTuple):
         return self.width * self.height
 
 
-def parallel_legs(area: Rectangle, along_x: bool, corner: Cell) -> list[Point]:
+def parallel_legs(area: Rectangle, along_x: bool, corner: Cell) -> list[Pair]:
     """The turning points of parallel legs in alternating directions, one cell apart.
 
     With legs along the area's longer side this is the parallel sweep search, PS; along the
@@ -53,7 +52,7 @@ def parallel_legs(area: Rectangle, along_x: bool, corner: Cell) -> list[Point]:
     """
     columns = range(area.x, area.x + area.width)[:: 1 if corner[0] == area.x else -1]
     rows = range(area.y, area.y + area.height)[:: 1 if corner[1] == area.y else -1]
-    points: list[Point] = []
+    points: list[Pair] = []
     for leg, line in enumerate(rows if along_x else columns):
         ends = (columns if along_x else rows)[:: -1 if leg % 2 else 1]
         points += [(end, line) if along_x else (line, end) for end in (ends[0], ends[-1])]
@@ -99,7 +98,7 @@ def _divided(length: int, parts: int) -> list[tuple[int, int]]:
     return [(begin, end - begin) for begin, end in pairwise(borders)]
 
 
-def expanding_square(datum: Point, legs: int, heading: float = 0.0) -> list[Point]:
+def expanding_square(datum: Pair, legs: int, heading: float = 0.0) -> list[Pair]:
     """The expanding square search, SS: legs of S, S, 2S, 2S, 3S, 3S…, turns of 90° to the right.
 
     The spacing S is one cell; turned by 45° it is the diagonal of a cell, so that the turning
@@ -110,7 +109,7 @@ def expanding_square(datum: Point, legs: int, heading: float = 0.0) -> list[Poin
     return _ends_of_legs(datum, lengths, [heading + 90.0 * leg for leg in range(legs)])
 
 
-def sector_search(datum: Point, radius: float, heading: float = 0.0) -> list[Point]:
+def sector_search(datum: Pair, radius: float, heading: float = 0.0) -> list[Pair]:
     """The sector search, VS: three triangles through the datum, with nine legs of length R.
 
     All turns are 120° to the right; over the datum the track continues straight into the next
@@ -120,7 +119,7 @@ def sector_search(datum: Point, radius: float, heading: float = 0.0) -> list[Poi
     return _ends_of_legs(datum, [radius] * 9, headings)
 
 
-def _ends_of_legs(start: Point, lengths: Sequence[float], headings: Sequence[float]) -> list[Point]:
+def _ends_of_legs(start: Pair, lengths: Sequence[float], headings: Sequence[float]) -> list[Pair]:
     points = [start]
     for length, heading in zip(lengths, headings, strict=True):
         (x, y), angle = points[-1], math.radians(heading)
@@ -128,7 +127,7 @@ def _ends_of_legs(start: Point, lengths: Sequence[float], headings: Sequence[flo
     return points
 
 
-def cells_along(points: Iterable[Point], grid_size: int) -> list[Cell]:
+def cells_along(points: Iterable[Pair], grid_size: int) -> list[Cell]:
     """The cells (x, y) along a track, as often as it crosses them, each next to the one before.
 
     Legs that are not parallel to an axis become staircases. Cells outside the grid are left out.

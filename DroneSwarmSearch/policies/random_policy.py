@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Ints, Singles, Words
-from DroneSwarmSearch._internal.streams import episode_keys, numbers, policy_key
+from DroneSwarmSearch._internal.streams import episode_keys, policy_key, uniforms
 from DroneSwarmSearch.core.grid import Grid
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
@@ -86,4 +86,4 @@ class RandomPolicy(BatchPolicy):
         first = np.multiply(steps[rows], np.uint64(drones), dtype=np.uint64)
         places: Words = np.add.outer(first, np.arange(drones, dtype=np.uint64))
         steps[rows] += np.uint64(1)
-        return numbers(episode_keys(keys[rows], episodes[rows])[:, None], places)
+        return uniforms(episode_keys(keys[rows], episodes[rows])[:, None], places)

@@ -10,6 +10,7 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.arrays import Pair
 from DroneSwarmSearch.core.frame import HISTORY_STEPS, TRAIL_STEPS, Frame
 from DroneSwarmSearch.core.rules import Ending, is_success
 from DroneSwarmSearch.drift.scale import Scale
@@ -44,9 +45,8 @@ COLLISION_SIZE = 2.5  # of the star of a collision, in relation to a drone
 TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 4, 230  # width, least width, that of the last move
 SEARCHED_SHARE, SEARCHED_LEAST = 0.25, 6  # of the mark of a search
 FADES = 6  # the opacities of marks that fade
-Point = tuple[float, float]
 Places = Sequence[Sequence[float]]
-Sprite = tuple[pygame.Surface, Point]  # an image and the place of its middle
+Sprite = tuple[pygame.Surface, Pair]  # an image and the place of its middle
 
 
 class SearchMap:
@@ -78,7 +78,7 @@ class SearchMap:
         if frame.ending is not None:
             self._draw_border(canvas, outcome_colour(frame), 5)
 
-    def _centre(self, x: float, y: float) -> Point:
+    def _centre(self, x: float, y: float) -> Pair:
         """The pixel in the middle of a cell."""
         return LEFT + (x + 0.5) * self._pitch, TOP + (y + 0.5) * self._pitch
 
@@ -164,7 +164,7 @@ class SearchMap:
         persons_at: Places,
     ) -> None:
         """Drones and persons; those at one place share its room, unless they only pass there."""
-        cells: dict[tuple[Sequence[float], Point], tuple[list[int], list[int]]] = {}
+        cells: dict[tuple[Sequence[float], Pair], tuple[list[int], list[int]]] = {}
         for number, way in enumerate(zip(drones_at, end.drones, strict=True)):
             cells.setdefault(way, ([], []))[0].append(number)
         for number, finder in enumerate(frame.found_by):
@@ -194,7 +194,7 @@ class SearchMap:
         # Marks lie below all symbols: in small cells they reach into the neighbours.
         _blit_all(canvas, marks + symbols)
 
-    def _places(self, middle: Point, count: int) -> tuple[list[Point], int]:
+    def _places(self, middle: Pair, count: int) -> tuple[list[Pair], int]:
         """The middles of symbols in one cell, on a circle if there are several; and their side."""
         if count == 1:
             return [middle], self._symbol

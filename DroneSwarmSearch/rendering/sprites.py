@@ -11,6 +11,7 @@ from functools import lru_cache
 
 import pygame
 
+from DroneSwarmSearch._internal.arrays import Pair
 from DroneSwarmSearch.rendering.palette import (
     COLLISION,
     GREY,
@@ -25,7 +26,6 @@ from DroneSwarmSearch.rendering.palette import (
 )
 
 TEXT_SUPERSAMPLING = 4
-Point = tuple[float, float]
 
 
 class _Pen:
@@ -44,7 +44,7 @@ class _Pen:
         # dark fringe.
         self._surface.fill((*edge, 0))
 
-    def disc(self, centre: Point, radius: float, colour: Colour, alpha: int = 255) -> None:
+    def disc(self, centre: Pair, radius: float, colour: Colour, alpha: int = 255) -> None:
         place = self._place(centre)
         pygame.draw.circle(self._surface, (*colour, alpha), place, radius * self._half)
 
@@ -52,10 +52,10 @@ class _Pen:
         for radius, colour in radii:
             self.disc((0, 0), radius, colour)
 
-    def polygon(self, points: Sequence[Point], colour: Colour) -> None:
+    def polygon(self, points: Sequence[Pair], colour: Colour) -> None:
         pygame.draw.polygon(self._surface, colour, [self._place(point) for point in points])
 
-    def stroke(self, points: Sequence[Point], width: float, colour: Colour) -> None:
+    def stroke(self, points: Sequence[Pair], width: float, colour: Colour) -> None:
         places, thickness = [self._place(point) for point in points], round(width * self._half)
         pygame.draw.lines(self._surface, colour, False, places, thickness)
         for point in points:
@@ -64,7 +64,7 @@ class _Pen:
     def finish(self) -> pygame.Surface:
         return pygame.transform.smoothscale(self._surface, (self._size, self._size))
 
-    def _place(self, point: Point) -> Point:
+    def _place(self, point: Pair) -> Pair:
         return (1 + point[0]) * self._half, (1 + point[1]) * self._half
 
 

@@ -20,7 +20,7 @@ from DroneSwarmSearch.rendering.palette import shares_of_maximum
 # From probability 0 to the matrix's maximum; differs from the marks, to be readable behind them.
 RAMP = ".:;=oO%#@"
 SEARCHING, SEVERAL, MISSING, FOUND = "*+PF"
-WIDTH = 80  # characters in a line where the width of the terminal is unknown
+WIDTH = 80  # characters in a line of a table, and where the width of the terminal is unknown
 
 # Without a terminal: the most frames between the first and the last, and the steps between them.
 PRINTED_FRAMES, PRINTED_STRIDE = 5, 10

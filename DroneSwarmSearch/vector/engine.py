@@ -16,7 +16,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
-from DroneSwarmSearch._internal.streams import GOLDEN, mixed, numbers, stream_keys
+from DroneSwarmSearch._internal.streams import GOLDEN, mixed, stream_keys, uniforms
 from DroneSwarmSearch.core import rules
 from DroneSwarmSearch.core.actions import checked_actions
 from DroneSwarmSearch.core.frame import Frame
@@ -255,7 +255,7 @@ class SearchBatch:
         if situation is None and catalogue.choices == 1:
             situation = np.zeros_like(rows)
         elif situation is None:
-            draws = numbers(keys[2], np.zeros(1, np.uint64))
+            draws = uniforms(keys[2], np.zeros(1, np.uint64))
             situation = (draws * catalogue.choices).astype(np.int64)
         if cells is None:
             by_search = catalogue.cells

@@ -10,10 +10,10 @@ from gymnasium.vector.utils import batch_space, create_empty_array
 
 from DroneSwarmSearch._internal.arrays import Ints
 from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, remaining_time_fraction
+from DroneSwarmSearch.layouts.layout import Observations
 from DroneSwarmSearch.layouts.masks import action_masks, mask_space
 from DroneSwarmSearch.vector.engine import SearchBatch
 
-Observations = Any  # an array, or a dict of arrays
 TOP_CELLS = 8  # cells in the layout "top-cells", by default
 
 

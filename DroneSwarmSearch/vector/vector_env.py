@@ -18,10 +18,11 @@ from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.rules import Action, Ending, successes
 from DroneSwarmSearch.layouts import LAYOUTS
+from DroneSwarmSearch.layouts.layout import Observations
 from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.observations import BatchObservations, Observations
+from DroneSwarmSearch.vector.observations import BatchObservations
 
 Values = Any  # an array with a first axis for the sub-environments
 Infos = dict[str, Any]

@@ -11,7 +11,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles, Words
-from DroneSwarmSearch._internal.streams import GOLDEN, numbers, unit_numbers
+from DroneSwarmSearch._internal.streams import GOLDEN, uniforms, uniforms_of
 from DroneSwarmSearch.core.rules import COVERED_AT
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.belief import means_over_missing, shown_persons
@@ -31,7 +31,7 @@ class Catalogue:
     Attributes:
         choices: the number of searches that new episodes draw from.
         forecasts: the different forecasts of their persons.
-        numbers: the number of each person's forecast in each search: int64, (persons, searches).
+        forecast_of: the index of each person's forecast in each search: int64, (persons, searches).
         detections: each person's probability of detection: float64, (persons, searches).
         alive: the probability that each person is alive after some completed steps, the last of
             which stands for all later ones: float64, (searches, persons, steps).
@@ -47,12 +47,12 @@ class Catalogue:
         self.scenarios, self.choices = (*scenarios, *kept), len(scenarios)
         self.cells, self.complete = cells, complete
         size, limit = scenarios[0].grid_size, scenarios[0].timestep_limit
-        self.forecasts, numbers = forecasts_of(
+        self.forecasts, indices = forecasts_of(
             [model for scenario in self.scenarios for model in scenario.forecasts()],
             last=limit,
             keeps_matrices=complete or not scenarios[0].bayesian_update,
         )
-        self.numbers: Ints = numbers.reshape(len(self.scenarios), -1).T.copy()
+        self.forecast_of: Ints = indices.reshape(len(self.scenarios), -1).T.copy()
         detections = np.array([scenario.detections for scenario in self.scenarios])
         self.detections: Floats = detections.T.copy()
         situations = [scenario.persons_to_find for scenario in self.scenarios]
@@ -80,7 +80,7 @@ class BatchState:
 
     def __init__(self, catalogue: Catalogue, rows: int, finds_last: bool) -> None:
         self._scenario = scenario = catalogue.scenarios[0]
-        self._size, self._persons = scenario.grid_size, len(catalogue.numbers)
+        self._size, self._persons = scenario.grid_size, len(catalogue.forecast_of)
         self._is_rescue, self._finds_last = scenario.mission == "rescue", finds_last
         self.catalogue = catalogue
         self.step = np.zeros(rows, np.int64)
@@ -102,12 +102,13 @@ class BatchState:
 
     def begin(self, rows: Ints, keys: Words, situation: Ints) -> None:
         """Start episodes; keys: uint64, (4, n), see `streams.stream_keys`; situation: (n,)."""
-        forecasts, models = self.catalogue.forecasts, self.catalogue.numbers.take(situation, axis=1)
+        forecasts = self.catalogue.forecasts
+        models = self.catalogue.forecast_of.take(situation, axis=1)
         if (certain := forecasts.certain_starts) is not None:  # saves a tenth of a step
             self._states[:, rows] = certain.take(models)
         else:
             places = np.arange(self._persons, dtype=np.uint64)[:, None]
-            self._states[:, rows] = forecasts.start(models, numbers(keys[3], places))
+            self._states[:, rows] = forecasts.start(models, uniforms(keys[3], places))
         self.step[rows] = 0
         self.situation[rows] = situation
         self.missing[:, rows] = True
@@ -130,7 +131,7 @@ class BatchState:
         going = np.delete(np.arange(len(self.step)), starting)
         _, place = np.unique(self.situation[going], return_inverse=True)
         self.situation[going] = catalogue.choices + place
-        self._entries[:, going] = catalogue.numbers.take(self.situation[going], axis=1)
+        self._entries[:, going] = catalogue.forecast_of.take(self.situation[going], axis=1)
         self._entries[:, going] += self.step[going] * catalogue.forecasts.count
         catalogue.forecasts.reach(int(self.step[going].max(initial=0)))
         if self.beliefs is not None:
@@ -168,8 +169,8 @@ class BatchState:
                 continue
             where = rows.take(hits)
             places = self.step[where] * self._persons + person
-            uniforms = numbers(self._detection_keys[where], places.astype(np.uint64))
-            hits = hits[uniforms < self._detections_of(where)[person]]
+            draws = uniforms(self._detection_keys[where], places.astype(np.uint64))
+            hits = hits[draws < self._detections_of(where)[person]]
             where = rows.take(hits)
             self.missing[person, where] = False
             self.finds[:, person, where] = drones.take(hits), cells.take(hits)
@@ -199,7 +200,7 @@ class BatchState:
         forecasts = self.catalogue.forecasts
         if self.beliefs is not None:
             self.beliefs.drift()
-        draws = unit_numbers(self._draws).reshape(self._persons, 2, -1).swapaxes(0, 1)
+        draws = uniforms_of(self._draws).reshape(self._persons, 2, -1).swapaxes(0, 1)
         self._states = forecasts.walk(self._states, self._entries, draws)
         self._draws += self._places[-1]
         self.step += 1
