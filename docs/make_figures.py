@@ -532,8 +532,8 @@ def miss(detection: float) -> Miss:
                 for (x, y), action in zip(positions[-1], chosen[-1], strict=True)
                 if action == Action.SEARCH
             ]
-            before, belief = belief.kept, belief.after_search(searched)
-            kept.append(belief.kept / before)
+            before, belief = belief.failure, belief.after_search(searched)
+            kept.append(belief.failure / before)
             belief = belief.after_drift(step)
             observations, *_ = env.step(actions)
             positions.append(env.frame().drones)

@@ -22,19 +22,19 @@ def test_searches_in_any_order_follow_bayes_rule():
         for cell in order:
             belief = belief.after_search([cell])
         np.testing.assert_allclose(belief.mass, expected / expected.sum())
-        assert belief.kept == pytest.approx(expected.sum())
+        assert belief.failure == pytest.approx(expected.sum())
     np.testing.assert_array_equal(prior.mass, four_cells(0.7).mass)
     added = prior.added_success([0, 3])
-    assert 1 - prior.after_search([0, 3]).kept == pytest.approx(added.sum())
+    assert 1 - prior.after_search([0, 3]).failure == pytest.approx(added.sum())
 
 
 def test_detection_probabilities_of_0_and_1():
     belief = four_cells(0.0).after_search([2, 3])
     np.testing.assert_allclose(belief.mass, four_cells(0.0).mass)
-    assert belief.kept == pytest.approx(1)
+    assert belief.failure == pytest.approx(1)
     belief = four_cells(1.0).after_search([2, 3])
     assert belief.map()[1].tolist() == [0.0, 0.0]
-    assert belief.kept == pytest.approx(0.3)
+    assert belief.failure == pytest.approx(0.3)
 
 
 def test_a_search_that_contradicts_the_belief_does_not_change_it():
@@ -42,7 +42,7 @@ def test_a_search_that_contradicts_the_belief_does_not_change_it():
     belief = Belief(forecast, 1.0, forecast.joint(0))
     after = belief.after_search([1])
     np.testing.assert_array_equal(after.mass, belief.mass)
-    assert after.kept == 0.0
+    assert after.failure == 0.0
 
 
 @pytest.mark.parametrize("vector", [(0, 0), (0.5, 0.5), (0.3, -0.2), (3.5, -0.5)])

@@ -137,22 +137,22 @@ def seeds(name: str, value: object) -> list[int | None]:
 
 def pair(name: str, value: object, what: str = "two finite numbers (x, y)") -> tuple[float, float]:
     """Two finite numbers, (x, y)."""
-    numbers = items(name, value, what)
-    if len(numbers) != 2:
+    given = items(name, value, what)
+    if len(given) != 2:
         raise ValueError(f"{name} must be {what}, got {value!r:.100}")
-    x, y = (real(f"{name}[{axis}]", number) for axis, number in enumerate(numbers))
+    x, y = (real(f"{name}[{axis}]", number) for axis, number in enumerate(given))
     return x, y
 
 
 def cell(name: str, value: object, grid_size: int) -> tuple[int, int]:
     """A cell of the grid, (x, y); 3.0 counts as 3, but 3.5 is an error."""
     what = f"a cell (x, y) with whole numbers from 0 to {grid_size - 1}"
-    numbers = items(name, value, what)
-    if not all(is_number(number) for number in numbers):
+    given = items(name, value, what)
+    if not all(is_number(number) for number in given):
         raise TypeError(f"{name} must be {what}, got {value!r:.100}")
-    if len(numbers) != 2 or not all(number in range(grid_size) for number in numbers):
+    if len(given) != 2 or not all(number in range(grid_size) for number in given):
         raise ValueError(f"{name} must be {what}, got {value!r:.100}")
-    x, y = (int(number) for number in numbers)  # type: ignore[call-overload]
+    x, y = (int(number) for number in given)  # type: ignore[call-overload]
     return x, y
 
 

@@ -9,7 +9,7 @@ FORMAT = "{desc}: {percentage:3.0f}%|{bar}| {remaining} left"
 
 
 @contextlib.contextmanager
-def progress(what: str, total: float, shown: bool = True) -> Iterator[Callable[[float], None]]:
+def progress(what: str, total: float, visible: bool = True) -> Iterator[Callable[[float], None]]:
     """Yield a function to call with the amount of work done so far.
 
     On a terminal, a bar on stderr appears after two seconds, and disappears at the end.
@@ -19,7 +19,7 @@ def progress(what: str, total: float, shown: bool = True) -> Iterator[Callable[[
     except ImportError:
         yield lambda done: None
         return
-    is_disabled = None if shown else True  # None: unless stderr is a terminal
+    is_disabled = None if visible else True  # None: unless stderr is a terminal
     how = {"leave": False, "delay": 2.0, "bar_format": FORMAT, "disable": is_disabled}
     with tqdm(total=total, desc=what, **how) as bar:
         yield lambda done: bar.update(done - bar.n)

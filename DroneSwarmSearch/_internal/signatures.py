@@ -17,13 +17,13 @@ def shows_keywords_of(source: type, *without: str) -> Callable[[Class], Class]:
 
     def decorate(made: Class) -> Class:
         _, *own = inspect.signature(made.__init__).parameters.values()  # type: ignore[misc]
-        shown = [parameter for parameter in own if parameter.kind is not parameter.VAR_KEYWORD]
-        names = {parameter.name for parameter in shown}.union(without)
+        listed = [parameter for parameter in own if parameter.kind is not parameter.VAR_KEYWORD]
+        names = {parameter.name for parameter in listed}.union(without)
         for parameter in inspect.signature(source).parameters.values():
             by_name = parameter.kind in (parameter.KEYWORD_ONLY, parameter.POSITIONAL_OR_KEYWORD)
             if by_name and parameter.name not in names:
-                shown.append(parameter.replace(kind=parameter.KEYWORD_ONLY))
-        plain = [parameter.replace(annotation=parameter.empty) for parameter in shown]
+                listed.append(parameter.replace(kind=parameter.KEYWORD_ONLY))
+        plain = [parameter.replace(annotation=parameter.empty) for parameter in listed]
         made.__signature__ = inspect.Signature(plain)  # type: ignore[attr-defined]
         return made
 

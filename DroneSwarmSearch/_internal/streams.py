@@ -55,9 +55,9 @@ def episode_keys(keys: Words, episodes: Words) -> Words:
     return mixed(keys + (episodes + _ONE) * GOLDEN)
 
 
-def uniforms(keys: Words, places: Words) -> Floats:
-    """The uniforms in [0, 1) at places, from 0, in the sequences of episodes; both broadcast."""
-    return uniforms_of(keys + (places + _ONE) * GOLDEN)
+def uniforms(keys: Words, indices: Words) -> Floats:
+    """The uniforms in [0, 1) at indices, from 0, in the sequences of episodes; both broadcast."""
+    return uniforms_of(keys + (indices + _ONE) * GOLDEN)
 
 
 def uniforms_of(counters: Words) -> Floats:
@@ -96,9 +96,9 @@ class EpisodeStream:
         if episode != self._episode:
             self._begin(episode)
         if end > self._known_first + len(self._known):
-            places = np.arange(begin, max(end, begin + _CHUNK), dtype=np.uint64)
+            indices = np.arange(begin, max(end, begin + _CHUNK), dtype=np.uint64)
             first, keys, _ = self._heads
-            self._known = uniforms(keys[[episode - first]], places).tolist()
+            self._known = uniforms(keys[[episode - first]], indices).tolist()
             self._known_first = begin
         return self._known[begin - self._known_first : end - self._known_first]
 

@@ -74,16 +74,16 @@ class SB3VecEnv(VecEnv):
         """Make the step; returns observations, rewards, dones and infos."""
         observations, rewards, terminated, truncated, infos = self.env.step(self._actions)
         dones = terminated | truncated
-        shown = listed(infos)
+        listed_infos = listed(infos)
         ended = dones.nonzero()[0].tolist()
         final = listed(infos["final_info"]) if ended else []
         for index in ended:
-            shown[index] = {
+            listed_infos[index] = {
                 **final[index],
                 "terminal_observation": infos["final_obs"][index],
                 "TimeLimit.truncated": bool(truncated[index] and not terminated[index]),
             }
-        return observations, rewards.astype(np.float32), dones, shown
+        return observations, rewards.astype(np.float32), dones, listed_infos
 
     def get_images(self) -> list[Any]:
         """A picture of every swarm, if the environment has render_mode="rgb_array"."""
@@ -135,21 +135,21 @@ def logits(model: BaseAlgorithm | ActorCriticPolicy) -> Callable[[Any], NDArray[
     """
     policy = model.policy if isinstance(model, BaseAlgorithm) else model
     space = policy.observation_space
-    entries = [*space.spaces] if isinstance(space, spaces.Dict) else []
+    names = [*space.spaces] if isinstance(space, spaces.Dict) else []
     uses_masks = _uses_masks(policy)
 
     def masked_logits(observations: Any) -> NDArray[Any]:
-        shown, masks = observations, None
+        inputs, masks = observations, None
         if isinstance(observations, dict) and "action_mask" in observations:
             masks = observations["action_mask"]
-            if "action_mask" not in entries:
-                shown = observations["observation"]
-        if entries:  # `evaluate` adds "row" to a swarm's dict
-            shown = {name: shown[name] for name in entries}
+            if "action_mask" not in names:
+                inputs = observations["observation"]
+        if names:  # `evaluate` adds "row" to a swarm's dict
+            inputs = {name: inputs[name] for name in names}
         policy.set_training_mode(False)
         masking = {"action_masks": masks} if uses_masks else {}
         with torch.no_grad():
-            chosen = policy.get_distribution(policy.obs_to_tensor(shown)[0], **masking)
+            chosen = policy.get_distribution(policy.obs_to_tensor(inputs)[0], **masking)
         parts = getattr(chosen, "distributions", None) or chosen.distribution  # one for each drone
         by_drone = parts if isinstance(parts, list) else [parts]
         values = np.stack([part.logits.cpu().numpy() for part in by_drone], axis=1)

@@ -65,7 +65,7 @@ class DroneVenv(BaseVectorEnv):
             keywords: `seed` (by default, that of `seed` counts once) and `options` of
                 `DroneVectorEnv.reset`.
         """
-        chosen = self._numbers("env_id", env_id)
+        chosen = self._indices("env_id", env_id)
         if keywords.get("seed") is None:
             keywords["seed"], self._seed = self._seed, None
         mask = np.zeros(self.env_num, np.bool_)
@@ -84,7 +84,7 @@ class DroneVenv(BaseVectorEnv):
             id: the drones' sub-environments, all or none of each swarm; by default, all. The
                 others must be reset before they act again.
         """
-        chosen = self._numbers("id", id)
+        chosen = self._indices("id", id)
         left_out = np.ones(self.env_num, np.bool_)
         left_out[chosen] = False
         if left_out.any():
@@ -93,8 +93,8 @@ class DroneVenv(BaseVectorEnv):
         actions[chosen] = action
         observations, rewards, *flags, infos = self.env.step(actions)
         terminated, truncated = (flag[chosen] for flag in flags)
-        shown = _rows(observations, chosen)
-        return shown, rewards[chosen], terminated, truncated, _infos(infos, chosen)
+        own = _rows(observations, chosen)
+        return own, rewards[chosen], terminated, truncated, _infos(infos, chosen)
 
     def seed(self, seed: int | list[int] | None = None) -> list[list[int] | None]:
         """Seed the next reset: the first swarm, whose successors get consecutive seeds."""
@@ -113,16 +113,16 @@ class DroneVenv(BaseVectorEnv):
         self.env.close()
         self.is_closed = True
 
-    def _numbers(self, name: str, given: Any) -> Ints:
-        """The numbers of sub-environments; raises unless they make up whole swarms."""
-        numbers: Ints = np.asarray(self._wrap_id(given))
-        swarms = np.bincount(numbers // self._drones)
+    def _indices(self, name: str, given: Any) -> Ints:
+        """The indices of sub-environments; raises unless they make up whole swarms."""
+        indices: Ints = np.asarray(self._wrap_id(given))
+        swarms = np.bincount(indices // self._drones)
         if not np.isin(swarms, (0, self._drones)).all():
             raise ValueError(
                 f"{name} must hold all {self._drones} drones of a swarm or none, got "
-                f"{numbers.tolist()}; collect a multiple of {self._drones} episodes"
+                f"{indices.tolist()}; collect a multiple of {self._drones} episodes"
             )
-        return numbers
+        return indices
 
 
 def _rows(observations: Any, chosen: Ints) -> Any:
@@ -198,9 +198,9 @@ def logits(policy: Policy) -> Callable[[Mapping[str, Any]], NDArray[Any]]:
 
     def masked_logits(observations: Mapping[str, Any]) -> NDArray[Any]:
         mask = observations["action_mask"]
-        shown = Batch(obs=observations["observation"], mask=mask)
+        batch = Batch(obs=observations["observation"], mask=mask)
         with torch.no_grad(), torch_train_mode(policy, False):
-            output = policy(Batch(obs=shown, info=Batch()))
+            output = policy(Batch(obs=batch, info=Batch()))
         return np.where(mask, output.logits.numpy(), LEAST_LOGIT)
 
     return masked_logits

@@ -267,9 +267,9 @@ def logits(
     `ACTION_VALUE`. With values, pass ``deterministic=True`` to `TrainedPolicy`.
     """
 
-    def masked_logits(shown: Mapping[str, Any]) -> NDArray[Any]:
-        count = len(shown["action_mask"])
-        drones = TensorDict(dict(shown), batch_size=count).reshape(-1, n_drones)
+    def masked_logits(observations: Mapping[str, Any]) -> NDArray[Any]:
+        count = len(observations["action_mask"])
+        drones = TensorDict(dict(observations), batch_size=count).reshape(-1, n_drones)
         drones["action_mask"] = drones["action_mask"].bool()
         batch = TensorDict({GROUP: drones}, batch_size=count // n_drones)
         with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):

@@ -45,12 +45,12 @@ class Histories:
     """
 
     def __init__(self, memory: int) -> None:
-        kept = max(memory - 1, 0)
+        rest_length = max(memory - 1, 0)
         indices: dict[tuple[Offset, ...], int] = {(None,) * memory: 0}
         shorter: dict[tuple[Offset, ...], int] = {}
         self.all, after = [*indices], []
         for history in self.all:  # grows in the loop
-            rest = history[:kept]
+            rest = history[:rest_length]
             if rest in shorter:
                 continue
             shorter[rest] = len(shorter)
@@ -63,7 +63,7 @@ class Histories:
                     indices[history] = len(indices)
                     self.all.append(history)
             after.append([indices[history] for history in ahead])
-        self.shorter: Ints = np.array([shorter[history[:kept]] for history in self.all])
+        self.shorter: Ints = np.array([shorter[history[:rest_length]] for history in self.all])
         self.after_search, *after_move = np.array(after).T
         self.after_move: Ints = np.array(after_move)
 

@@ -49,8 +49,8 @@ def sample_trajectories(model: DriftModel, steps: int, count: int) -> Trajectori
     cells = np.empty((steps, count), np.int64)
     for step in range(steps):
         cells[step] = model.cells(states)
-        places = np.arange(2 * step * count, 2 * (step + 1) * count, dtype=np.uint64)
-        states = model.moved(states, step, *uniforms(key, places).reshape(2, count))
+        indices = np.arange(2 * step * count, 2 * (step + 1) * count, dtype=np.uint64)
+        states = model.moved(states, step, *uniforms(key, indices).reshape(2, count))
     return equally_likely(cells)
 
 

@@ -97,16 +97,16 @@ class _Episode:
     def __init__(
         self, search: NamedSearch, options: argparse.Namespace, seed: int, rival: str = ""
     ) -> None:
-        spec, shown = PolicySpec.of(rival or options.policy), search.with_posterior(True)
+        spec, posterior = PolicySpec.of(rival or options.policy), search.with_posterior(True)
         seen = view_of(spec, search, view_from(options))
-        where = shown if options.manual else search.with_posterior(seen.bayesian_update)
+        where = posterior if options.manual else search.with_posterior(seen.bayesian_update)
         self._flown = 0 if options.manual and not rival else None
         self._label = spec.name if self._flown is None else f"you and {spec.name}"
         self._policy = prepared(spec, where)
         self._act = steering(self._policy, where, seed, seen)
         self._hide_person = options.hide_person
         self.search = search
-        self._env = DroneSwarmSearch(scenario=shown.scenario, render_mode=None)
+        self._env = DroneSwarmSearch(scenario=posterior.scenario, render_mode=None)
         self._observations, _ = self._env.reset(seed, drones_positions=search.drones)
         self.frame = self._current_frame()
 

@@ -44,10 +44,10 @@ class NamedSearch:
 
     def __post_init__(self) -> None:
         scenario = checked_scenario(self.scenario)
-        size, numbers = scenario.grid_size, list(range(scenario.n_drones))
+        size, cells = scenario.grid_size, list(range(scenario.n_drones))
         if len(self.drones):
-            numbers = scenario.drone_cells(self.drones, "drones")
-        object.__setattr__(self, "drones", tuple((cell % size, cell // size) for cell in numbers))
+            cells = scenario.drone_cells(self.drones, "drones")
+        object.__setattr__(self, "drones", tuple((cell % size, cell // size) for cell in cells))
 
     @property
     def outline(self) -> str:

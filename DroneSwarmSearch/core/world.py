@@ -112,7 +112,7 @@ class WorldState:
                 self.missing = tuple(other for other in self.missing if other != person)
         if self._keeps_beliefs:
             self._beliefs = [belief.after_search(searches) for belief in self._begun_beliefs()]
-            self.success = 1.0 - mean_over_missing([belief.kept for belief in self._beliefs], ())
+            self.success = 1.0 - mean_over_missing([belief.failure for belief in self._beliefs], ())
             self.is_covered = not self.is_rescue and self.success > COVERED_AT
         return finders
 
@@ -149,8 +149,8 @@ class WorldState:
 
     def prior(self) -> Singles | None:
         """The forecast of the current step if the matrix shows the beliefs; a new array."""
-        shown = self._beliefs is not None and self._shows_beliefs
-        return mean_forecast(self._models, self.missing, self.step) if shown else None
+        shows = self._beliefs is not None and self._shows_beliefs
+        return mean_forecast(self._models, self.missing, self.step) if shows else None
 
     def hypotheses(self) -> tuple[tuple[float, ...], ...]:
         """The probability of each hypothesis about each person, as far as the matrix shows it."""

@@ -29,7 +29,7 @@ class Belief(NamedTuple):
     model: DriftModel
     detection: float  # the probability that a search of the person's cell finds the person
     mass: Floats  # sums to 1
-    kept: float = 1.0  # the probability that no search so far finds the person
+    failure: float = 1.0  # the probability that no search so far finds the person
 
     def after_search(self, cells: Collection[int]) -> Belief:
         """The belief after the searches of different cells, y * N + x, find nobody.
@@ -42,13 +42,13 @@ class Belief(NamedTuple):
             flat[self.model.states(cell)] *= missed
         total = normalise(mass).item()
         if total > 0.0:  # rounding must not lower the probability of success
-            return Belief(self.model, self.detection, mass, self.kept * min(total, 1.0))
-        return self._replace(kept=0.0)
+            return Belief(self.model, self.detection, mass, self.failure * min(total, 1.0))
+        return self._replace(failure=0.0)
 
     def after_drift(self, step: int) -> Belief:
         """The belief one step later."""
         mass = self.model.drift(self.mass, step)
-        return Belief(self.model, self.detection, mass, self.kept)
+        return Belief(self.model, self.detection, mass, self.failure)
 
     def map(self) -> Floats:
         """The probability of each cell, for reading only: float64, shape (N, N)."""
@@ -56,7 +56,7 @@ class Belief(NamedTuple):
 
     def added_success(self, cells: Sequence[int], alive: float = 1.0) -> Floats:
         """The probability of success that a search of each of some cells adds, times `alive`."""
-        added: Floats = self.kept * (self.detection * alive) * self.map().reshape(-1)[cells]
+        added: Floats = self.failure * (self.detection * alive) * self.map().reshape(-1)[cells]
         return added
 
 
@@ -127,19 +127,19 @@ def mean_forecast(models: Sequence[DriftModel], missing: Collection[int], step: 
     return mean_over_missing(exact, missing).astype(np.float32)
 
 
-def means_over_missing(beliefs: Sequence[Floats] | Floats, shown: NDArray[np.bool_]) -> Floats:
-    """`mean_over_missing` for batches of one shape (...); `shown` broadcasts to (persons, ...)."""
+def means_over_missing(beliefs: Sequence[Floats] | Floats, counted: NDArray[np.bool_]) -> Floats:
+    """`mean_over_missing` for batches of a shape (...); `counted` broadcasts to (persons, ...)."""
     if len(beliefs) == 1:
         single: Floats = beliefs[0]
         return single
     total = np.zeros(beliefs[0].shape)
-    for belief, counts in zip(beliefs, shown, strict=True):
+    for belief, counts in zip(beliefs, counted, strict=True):
         np.add(total, belief, out=total, where=counts)
-    mean: Floats = total / shown.sum(axis=0)
+    mean: Floats = total / counted.sum(axis=0)
     return mean
 
 
 def shown_persons(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Which persons each matrix shows, (persons, n): the missing ones, or all if none is."""
-    shown: NDArray[np.bool_] = missing | ~missing.any(axis=0)
-    return shown
+    counted: NDArray[np.bool_] = missing | ~missing.any(axis=0)
+    return counted

@@ -120,18 +120,18 @@ class Chain(DriftModel):
 
     def moved(self, states: Ints, step: int, draws_x: Floats, draws_y: Floats) -> Ints:
         now = self.transitions(step)
-        numbers = now.states.searchsorted(states)
-        chosen = now.sums.searchsorted(numbers + draws_x, side="right")
-        after: Ints = now.after[np.clip(chosen, now.first[numbers], now.first[numbers + 1] - 1)]
+        indices = now.states.searchsorted(states)
+        chosen = now.sums.searchsorted(indices + draws_x, side="right")
+        after: Ints = now.after[np.clip(chosen, now.first[indices], now.first[indices + 1] - 1)]
         return after
 
     def branches(self, states: Ints, probabilities: Floats, step: int) -> tuple[Ints, Ints, Floats]:
         now = self.transitions(step)
-        numbers = now.states.searchsorted(states)
-        counts = now.first[numbers + 1] - now.first[numbers]
+        indices = now.states.searchsorted(states)
+        counts = now.first[indices + 1] - now.first[indices]
         place = np.repeat(np.arange(len(states)), counts)
-        which = np.arange(len(place)) + (now.first[numbers] - counts.cumsum() + counts)[place]
-        before = np.where(which > now.first[numbers][place], now.sums[which - 1], numbers[place])
+        which = np.arange(len(place)) + (now.first[indices] - counts.cumsum() + counts)[place]
+        before = np.where(which > now.first[indices][place], now.sums[which - 1], indices[place])
         return place, now.after[which], probabilities[place] * (now.sums[which] - before)
 
     @classmethod
@@ -162,10 +162,10 @@ class Chain(DriftModel):
         code = (number[here] * width + next_y - y + reach) * width + next_x - x + reach
         counts, leads_to = _sums(code, weights), np.zeros(code.max() + 1, np.int64)
         leads_to[code] = there
-        (kept,) = counts.nonzero()
-        source, after = kept // width**2, leads_to[kept]
+        (nonzero,) = counts.nonzero()
+        source, after = nonzero // width**2, leads_to[nonzero]
         first = source.searchsorted(np.arange(len(states) + 1))
-        chances = counts[kept] / mass[source]
+        chances = counts[nonzero] / mass[source]
         sums = chances.cumsum()
         sums += source - np.append(0.0, sums)[first[source]]
         sums[first[1:] - 1] = np.arange(1.0, len(states) + 1)
@@ -196,9 +196,9 @@ class Chain(DriftModel):
         return x, y, part * self.layer + self.places[y // fine * size + x // fine]
 
 
-def _sums(numbers: Ints, weights: Floats, size: int = 0) -> Floats:
+def _sums(indices: Ints, weights: Floats, size: int = 0) -> Floats:
     """The sum of the weights with each number, added in order; at least `size` of them."""
-    sums: Any = np.bincount(numbers, weights, size)
+    sums: Any = np.bincount(indices, weights, size)
     return sums  # type: ignore[no-any-return]
 
 

@@ -112,10 +112,10 @@ class ForecastTables(Forecasts):
 
     # Persons.
 
-    def start(self, numbers: Ints, draws: Floats) -> Ints:
-        pairs = zip(numbers.flat, draws.flat, strict=True)
+    def start(self, indices: Ints, draws: Floats) -> Ints:
+        pairs = zip(indices.flat, draws.flat, strict=True)
         states = [self._starts[number].searchsorted(draw, side="right") for number, draw in pairs]
-        return np.array(states, np.int64).reshape(numbers.shape)
+        return np.array(states, np.int64).reshape(indices.shape)
 
     @cached_property
     def _starts(self) -> list[Floats]:

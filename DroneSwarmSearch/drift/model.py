@@ -207,11 +207,11 @@ class DriftModel(ABC):
 def forecasts_of(models: Sequence[DriftModel], **options: Any) -> tuple[Forecasts, Ints]:
     """The `Forecasts` of models on one grid, and each model's number; equal ones share it."""
     different = {model.key: model for model in models}
-    places = {key: number for number, key in enumerate(different)}
+    indices = {key: number for number, key in enumerate(different)}
     kinds = {type(model) for model in models}
     kind = kinds.pop() if len(kinds) == 1 else DriftModel
     forecasts = kind.batched([*different.values()], **options)
-    return forecasts, np.array([places[model.key] for model in models])
+    return forecasts, np.array([indices[model.key] for model in models])
 
 
 def cumulative(joint: Floats) -> Floats:
@@ -232,7 +232,7 @@ def over_layers(mass: NDArray[Any]) -> NDArray[Any]:
 class Forecasts:
     """The array form of `DriftModel`: many rows, each with one of several models and its own step.
 
-    Models on one grid have numbers, and an *entry* is one step of one model: step * `count` +
+    Models on one grid have indices, and an *entry* is one step of one model: step * `count` +
     number. Tables of the entries grow up to the step `last`, see `reach`. This class handles any
     models, one row at a time; subclasses are faster for models of one kind. Mass has the `shape`
     (M, L), layers and their places: models with fewer of them than others are padded with mass 0.
@@ -283,8 +283,8 @@ class Forecasts:
 
     def _each(self, entries: Ints) -> list[tuple[DriftModel, int]]:
         """The model and the step of some entries."""
-        steps, numbers = np.divmod(entries, self.count)
-        pairs = zip(numbers.tolist(), steps.tolist(), strict=True)
+        steps, indices = np.divmod(entries, self.count)
+        pairs = zip(indices.tolist(), steps.tolist(), strict=True)
         return [(self.models[number], step) for number, step in pairs]
 
     def joint(self, entries: Ints) -> Floats:
@@ -346,19 +346,19 @@ class Forecasts:
 
     def cells(self, states: Ints, entries: Ints) -> Ints:
         """The cells of persons' states, of the same shape."""
-        cells, numbers = np.empty_like(states), entries % self.count
-        for number in np.unique(numbers):
-            who = numbers == number
+        cells, indices = np.empty_like(states), entries % self.count
+        for number in np.unique(indices):
+            who = indices == number
             cells[who] = self.models[number].cells(states[who])
         return cells
 
     # Persons.
 
-    def start(self, numbers: Ints, draws: Floats) -> Ints:
-        """The states at step 0 given the numbers of the persons' models and uniform draws."""
-        states = np.empty(numbers.shape, np.int64)
-        for number in np.unique(numbers):
-            who = numbers == number
+    def start(self, indices: Ints, draws: Floats) -> Ints:
+        """The states at step 0 given the indices of the persons' models and uniform draws."""
+        states = np.empty(indices.shape, np.int64)
+        for number in np.unique(indices):
+            who = indices == number
             states[who] = self.models[number].start(draws[who])
         return states
 

@@ -70,8 +70,8 @@ class Tracks:
             if not (is_valid and shares.min() >= 0.0 < shares.max()):
                 raise ValueError(f"weights must be {what}, got {weights!r:.100}")
             shares = shares / shares.max()
-            if not (kept := shares > 1e-300).all():  # others may become 0
-                given, shares = given[:, kept], shares[kept]
+            if not (positive := shares > 1e-300).all():  # others may become 0
+                given, shares = given[:, positive], shares[positive]
         given, self.stranded = _without_gaps(given)
         _check_jumps(given)
         self.positions: Floats = given.view()
@@ -138,8 +138,8 @@ class Tracks:
     def thin(self, n: int, seed: int = 0) -> Tracks:
         """Keep n of the tracks, drawn at random without replacement."""
         count, seed = checks.integer("n", n, 1, len(self)), checks.integer("seed", seed, 0)
-        kept = np.random.default_rng(seed).permutation(len(self))[:count]
-        return Tracks(self.positions[:, kept], self.weights[kept])
+        chosen = np.random.default_rng(seed).permutation(len(self))[:count]
+        return Tracks(self.positions[:, chosen], self.weights[chosen])
 
     def mass_beyond(self, grid_size: int, step: int) -> float:
         """The share of the tracks that are off the grid at a step."""
@@ -320,8 +320,8 @@ class TrackDrift(KnownDrift):
         held_out[np.random.default_rng(0).permutation(len(tracks))[: -(-len(tracks) // 4)]] = True
         for step in tracks.some_steps:
             x, y = np.floor((tracks.positions[step].T + 0.5) * fine)
-            places = x * 2.0**26 + y
-            shares.append(1.0 - np.isin(places[held_out], places[~held_out]).mean())
+            parts = x * 2.0**26 + y
+            shares.append(1.0 - np.isin(parts[held_out], parts[~held_out]).mean())
         if (unseen := np.mean(shares)) > MOST_UNSEEN:
             warnings.warn(
                 f"{len(tracks):,} tracks are few: of a quarter held out, {unseen:.0%} are where no "

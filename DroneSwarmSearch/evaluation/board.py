@@ -62,8 +62,8 @@ class Leaderboard:
             search, values = several[0].search.name, [result.success.value for result in several]
             bound = [f"{100 * bounds[search]:.1f}"] if bounds else []
             best = max(values) - ROUNDING
-            shown = [f"{100 * value:.1f}{'*' * (value > best)}" for value in values]
-            rows.append([search, *bound, *shown])
+            figures = [f"{100 * value:.1f}{'*' * (value > best)}" for value in values]
+            rows.append([search, *bound, *figures])
         return rows
 
     def write(self, folder: Path) -> list[Path]:

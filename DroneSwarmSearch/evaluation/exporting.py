@@ -75,15 +75,15 @@ def export(
     """
     where, specs = as_named(search), [PolicySpec.of(policy) for policy in policies]
     views = [view_of(spec, where, view) for spec in specs]
-    numbers = [checks.integer("seeds", seed, 0) for seed in seeds]
+    chosen = [checks.integer("seeds", seed, 0) for seed in seeds]
 
     maps, episodes = Maps(), []
-    title, total = f"episodes of {where.name}", len(specs) * len(numbers)
+    title, total = f"episodes of {where.name}", len(specs) * len(chosen)
     with replacing(Path(path)) as spare, progress(title, total) as bar:
         for spec, seen in zip(specs, views, strict=True):
             mine = where.with_posterior(seen.bayesian_update)
             policy = prepared(spec, mine)
-            for seed in numbers:
+            for seed in chosen:
                 who = {"policy": spec.name, "seed": seed}
                 episodes.append(who | _episode(list(play(policy, mine, seed, seen)), maps))
                 bar(len(episodes))

@@ -12,7 +12,7 @@ from DroneSwarmSearch._internal.progress import progress
 
 
 def finished(
-    calls: Sequence[partial[Any]], what: str, workers: int, ray: str | None, shown: bool
+    calls: Sequence[partial[Any]], what: str, workers: int, ray: str | None, visible: bool
 ) -> Iterator[Any]:
     """Make calls, show their progress, and yield their results in order.
 
@@ -20,7 +20,7 @@ def finished(
     at the end.
     """
     count = checks.integer("workers", workers, 1)
-    with progress(what, len(calls), shown) as bar:
+    with progress(what, len(calls), visible) as bar:
         results: Any = (call() for call in calls)
         if calls and (ray is not None or count > 1):
             joblib = needed("joblib", "workers > 1 needs the package joblib", "evaluation")

@@ -63,9 +63,9 @@ def success_over_time(evaluations: Sequence[Evaluation]) -> Figure:
     looks, curves = _looks(evaluations), {}
     for policy in looks:
         several = [result for result in evaluations if result.policy == policy]
-        places = [np.floor(SHARES * result.limit + 1e-9).astype(int) for result in several]
-        shown = [result.success_by_time[at] for result, at in zip(several, places, strict=True)]
-        curves[policy] = np.mean(shown, axis=0)
+        steps = [np.floor(SHARES * result.limit + 1e-9).astype(int) for result in several]
+        sampled = [result.success_by_time[at] for result, at in zip(several, steps, strict=True)]
+        curves[policy] = np.mean(sampled, axis=0)
     for policy, curve in sorted(curves.items(), key=lambda item: -item[1][-1]):
         colour, _ = looks[policy]
         axes.plot(SHARES, curve, color=colour, label=f"{policy} {100 * curve[-1]:.1f}%")
@@ -104,16 +104,16 @@ def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
     axes.set_yticks(range(len(searches)), searches)
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="y", visible=False)
-    entries = [
+    handles = [
         Line2D([], [], color=colour, marker=marker, linestyle="none", label=policy)
         for policy, (colour, marker) in looks.items()
     ]
     if bounds:
         bar = Line2D([], [], linestyle="none", marker="|", markersize=9, label="bound")
         bar.set(markeredgecolor=ink, markeredgewidth=1.8)
-        entries.append(bar)
+        handles.append(bar)
     figure.legend(
-        handles=entries, loc="outside lower center", ncols=min(3, len(entries)), handletextpad=0.2
+        handles=handles, loc="outside lower center", ncols=min(3, len(handles)), handletextpad=0.2
     )
     return figure
 

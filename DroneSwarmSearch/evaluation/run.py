@@ -103,14 +103,14 @@ class Case:
     ) -> Case:
         """Make a case from arguments of `evaluate`."""
         spec, named = PolicySpec.of(policy, name), as_named(search)
-        shown = view_of(spec, named, view)
-        named = named.with_posterior(shown.bayesian_update)
+        seen = view_of(spec, named, view)
+        named = named.with_posterior(seen.bayesian_update)
         # `SwarmPolicy` requires that actions follow from observations.
         is_deterministic = issubclass(spec.kind, SwarmPolicy)
         if deterministic is not None:
             is_deterministic = checks.boolean("deterministic", deterministic)
         one_path = named.scenario.mission == "coverage" or len(named.scenario.persons_to_find) == 1
-        return cls(spec, named, shown, is_deterministic and one_path)
+        return cls(spec, named, seen, is_deterministic and one_path)
 
     @property
     def label(self) -> str:
@@ -191,14 +191,14 @@ def manifest(
     seed: int | None = None,
 ) -> dict[str, Any]:
     """Everything that the bounds of some searches, and the results of some cases, depend on."""
-    entries = {"package": __version__, "suite": SUITE_VERSION}
-    entries |= {
+    facts = {"package": __version__, "suite": SUITE_VERSION}
+    facts |= {
         f"search {search.name}": search.with_posterior(False).fingerprint for search in searches
     }
     for case in cases:
         source = {**(case.spec.source or {"policy": "in memory"}), **asdict(case.view)}
-        entries |= {f"policy {case.spec.name}: {key}": value for key, value in source.items()}
-    return {**entries, "episodes": episodes, "seed": seed} if cases else entries
+        facts |= {f"policy {case.spec.name}: {key}": value for key, value in source.items()}
+    return {**facts, "episodes": episodes, "seed": seed} if cases else facts
 
 
 def _play(policy: Callable[..., Any], case: Case, seeds: Sequence[int]) -> Episodes:

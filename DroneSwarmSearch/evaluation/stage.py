@@ -99,14 +99,14 @@ class Stage:
 
     def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
         """The policy's validated actions in some rows: int64, (n, n_drones)."""
-        shown: Any = self._observations.of_rows(rows)
+        observations: Any = self._observations.of_rows(rows)
         if self._view.form == "parallel":
-            shown = self._by_drone(shown)
+            observations = self._by_drone(observations)
         elif self._view.form != "drone" and self._view.observation == "dict":
-            entries = shown["observation"] if self._view.action_mask else shown
-            entries["row"] = rows.copy()
+            layout = observations["observation"] if self._view.action_mask else observations
+            layout["row"] = rows.copy()
         try:
-            returned = policy(shown)
+            returned = policy(observations)
         except Exception as error:  # whatever it raises for observations that it does not expect
             if self._view.form is None and hasattr(error, "add_note"):  # Python 3.11 or later
                 error.add_note(UNSTATED)
@@ -117,16 +117,16 @@ class Stage:
             hint = "" if self._view.form else f"; {UNSTATED}"
             raise type(error)(f"the policy's {error}{hint}") from None
 
-    def _by_drone(self, shown: Any) -> dict[str, Any]:
+    def _by_drone(self, observations: Any) -> dict[str, Any]:
         """The observations of one search in the form of `DroneSwarmSearch`."""
-        entries = shown["observation"] if self._view.action_mask else shown
-        matrix = entries["probability_matrix"][0]
+        layout = observations["observation"] if self._view.action_mask else observations
+        matrix = layout["probability_matrix"][0]
         matrix.flags.writeable = False
         seen: dict[str, Any] = {}
-        for drone, cell in enumerate(entries["positions"][0].tolist()):
+        for drone, cell in enumerate(layout["positions"][0].tolist()):
             own: dict[str, Any] = {"observation": (tuple(cell), matrix)}
             if self._view.action_mask:
-                own = {"observation": own, "action_mask": shown["action_mask"][0, drone]}
+                own = {"observation": own, "action_mask": observations["action_mask"][0, drone]}
             seen[self._names[drone]] = own
         return seen
 

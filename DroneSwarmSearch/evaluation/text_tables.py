@@ -20,15 +20,15 @@ def percent(estimate: Estimate | None) -> str:
 
 def figure(estimate: Estimate) -> str:
     """A value of at least 0, with its interval unless it is exact."""
-    return _shown(estimate, "", "-")
+    return _figures(estimate, "", "-")
 
 
 def signed(estimate: Estimate) -> str:
     """A difference with its interval unless it is exact, all with their signs."""
-    return _shown(estimate, "+", " to ")
+    return _figures(estimate, "+", " to ")
 
 
-def _shown(estimate: Estimate, sign: str, to: str) -> str:
+def _figures(estimate: Estimate, sign: str, to: str) -> str:
     """The figures with as many decimals as show the interval."""
     digits, width = 1, estimate.high - estimate.low
     if width > 0.0:
@@ -46,19 +46,19 @@ def print_table(headers: Sequence[str], rows: Sequence[Sequence[str]], words: in
     """
     columns = [*zip(headers, *rows, strict=True)]
     widths = [max(map(len, column)) for column in columns]
-    shown = len(widths)
-    if sum(widths) + 2 * (shown - 1) > WIDTH:
+    fitting = len(widths)
+    if sum(widths) + 2 * (fitting - 1) > WIDTH:
         widths = [max(map(len, [*header.split(), *cells])) for header, *cells in columns]
-    while shown > words + 1 and sum(widths[:shown]) + 2 * (shown - 1) > WIDTH:
-        shown -= 1
+    while fitting > words + 1 and sum(widths[:fitting]) + 2 * (fitting - 1) > WIDTH:
+        fitting -= 1
     heads = zip_longest(*map(textwrap.wrap, headers, widths), fillvalue="")
     for line in (*heads, ["-" * width for width in widths], *rows):
         cells = [
             cell.ljust(width) if place < words else cell.rjust(width)
             for place, (cell, width) in enumerate(zip(line, widths, strict=True))
         ]
-        print("  ".join(cells[:shown]).rstrip())
-    if shown < len(widths):
+        print("  ".join(cells[:fitting]).rstrip())
+    if fitting < len(widths):
         print()
-        rest, *more = ([*line[:words], *line[shown:]] for line in (headers, *rows))
+        rest, *more = ([*line[:words], *line[fitting:]] for line in (headers, *rows))
         print_table(rest, more, words)

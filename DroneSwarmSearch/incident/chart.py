@@ -209,11 +209,11 @@ def _graticule(axes: Any, plane: TangentPlane) -> None:
     """Put ticks and lines at round minutes of latitude and longitude."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     x, y = (left + right) / 2, (bottom + top) / 2
-    places = plane.degrees([(x, bottom), (x, top), (left, y), (right, y)])
-    places[:, 1] -= 360 * np.round((places[:, 1] - places[0, 1]) / 360)  # at the date line
+    ends = plane.degrees([(x, bottom), (x, top), (left, y), (right, y)])
+    ends[:, 1] -= 360 * np.round((ends[:, 1] - ends[0, 1]) / 360)  # at the date line
     for axis, metres, letters, (first, last) in (
-        (axes.yaxis, (bottom, top), "NS", 60 * places[:2, 0]),
-        (axes.xaxis, (left, right), "EW", 60 * places[2:, 1]),
+        (axes.yaxis, (bottom, top), "NS", 60 * ends[:2, 0]),
+        (axes.xaxis, (left, right), "EW", 60 * ends[2:, 1]),
     ):
         span = last - first
         step = STEPS[STEPS.searchsorted(span / 6)]

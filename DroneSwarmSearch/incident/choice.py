@@ -43,14 +43,14 @@ class Guess(NamedTuple):
         kind: of the pattern, one of `KINDS`.
         moving: whether its points move with the mean drift.
         side: 1 if the drone turns to starboard, -1 if to port.
-        numbers: the centre (x, y), the heading, and the logarithms of the legs' length, of the
+        parameters: the centre (x, y), the heading, and the logarithms of the legs' length, of the
             width and of the spacing, relative to what is usual: float64, (6,).
     """
 
     kind: str
     moving: bool
     side: int
-    numbers: Floats
+    parameters: Floats
 
 
 class Area:
@@ -67,9 +67,9 @@ class Area:
         self._start = incident.seconds(incident.start)
         half, weights = self.drones[0].endurance / 2, particles.weights
         self._away = particles.mean(self._start + 2 * half) - particles.mean(self._start)
-        places = particles.at(self._start + half)
-        self._middle = weights @ places
-        off = places - self._middle
+        positions = particles.at(self._start + half)
+        self._middle = weights @ positions
+        off = positions - self._middle
         self._root = np.linalg.cholesky((weights * off.T) @ off + np.eye(2))
         self._size = np.sqrt(incident.swath * incident.speed * 1.4 * half)
 
@@ -117,15 +117,15 @@ class Area:
         for _, number in starts:
             start = drawn[number]
             search = cmaes.CMA(
-                mean=start.numbers,
+                mean=start.parameters,
                 sigma=FIRST if near is None else LATER,
                 population_size=POPULATION,
                 seed=int(rng.integers(2**31)),
             )
             for _ in range(GENERATIONS):
-                tried = [start._replace(numbers=search.ask()) for _ in range(POPULATION)]
+                tried = [start._replace(parameters=search.ask()) for _ in range(POPULATION)]
                 values = [*map(left, tried)]
-                search.tell([(e.numbers, v) for e, v in zip(tried, values, strict=True)])
+                search.tell([(e.parameters, v) for e, v in zip(tried, values, strict=True)])
                 if (lowest := min(values)) < best:
                     best, chosen = lowest, tried[values.index(lowest)]
         return chosen
@@ -134,9 +134,9 @@ class Area:
         """Random patterns that the drone can fly, or a ValueError if there are none."""
         drawn: list[Guess] = []
         for _ in range(TRIES * SAMPLES):
-            numbers = rng.normal(size=6) * [1, 1, 1.3, 0.7, 0.7, 0.5]
+            parameters = rng.normal(size=6) * [1, 1, 1.3, 0.7, 0.7, 0.5]
             kind = KINDS[rng.choice(len(KINDS), p=SHARES)]
-            guess = Guess(kind, bool(rng.integers(2)), int(rng.choice([-1, 1])), numbers)
+            guess = Guess(kind, bool(rng.integers(2)), int(rng.choice([-1, 1])), parameters)
             if drone.fly(self.pattern(guess)) is not None:
                 drawn.append(guess)
                 if len(drawn) == SAMPLES:

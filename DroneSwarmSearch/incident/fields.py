@@ -37,12 +37,12 @@ LEVEL = {"current": 0.0, "wind": 10.0}
 METRES_PER_SECOND = "m s-1", "m/s", "m s^-1", "m.s-1", "ms-1", "m s**-1", "meter second-1", "1"
 
 WITHIN = 3.0  # degrees of latitude around the position that are read
-MOST_OUTSIDE = 0.01  # the largest share of places off the field; they get the values at its edge
+MOST_OUTSIDE = 0.01  # the largest share of points off the field; they get the values at its edge
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """A velocity at times and places, linear in between.
+    """A velocity at times and points, linear in between.
 
     Attributes:
         path: the file.
@@ -99,13 +99,13 @@ class Field:
         """The velocity (east, north), (2, n), at times in seconds since 1970; NaN on land.
 
         Args:
-            time: one for all places, or one for each.
+            time: one for all points, or one for each.
             latitude: in degrees, (n,).
             longitude: in degrees, (n,).
-            checked: whether to refuse places and times off the field; if not, its edge counts.
+            checked: whether to refuse points and times off the field; if not, its edge counts.
 
         Raises:
-            ValueError: more than 1% of the places or times are off the field.
+            ValueError: more than 1% of the points or times are off the field.
         """
         off = (longitude - self.longitudes.mean() + 180) % 360 - 180 + self.longitudes.mean()
         given = (np.asarray(time), self.times), (latitude, self.latitudes), (off, self.longitudes)
@@ -118,13 +118,13 @@ class Field:
         (k, f), (j, g), (i, h) = (_between(*pair) for pair in given)
         width, corners = len(self.longitudes), np.zeros((1, 3), np.float32)
         layers: list[tuple[Any, Any]]
-        if k.ndim == 0:  # for many places, it pays to interpolate the whole field in time
+        if k.ndim == 0:  # for many points, it pays to interpolate the whole field in time
             layers = [(self.values[k] * (1 - f) + self.values[k + 1] * f, 1.0)]
         else:
             flat = self.values.reshape(-1, 3)
             layers = [(flat, 1 - f), (flat, f)]
-        for layer, (values, share) in enumerate(layers):
-            first = (k + layer) * self.values.shape[1] if k.ndim else 0
+        for later, (values, share) in enumerate(layers):
+            first = (k + later) * self.values.shape[1] if k.ndim else 0
             for down, part in ((0, 1 - g), (1, g)):
                 for right, more in ((0, 1 - h), (1, h)):
                     place = first + (j + down) * width + i + right
@@ -190,9 +190,9 @@ def _around(data: Any, variable: Any, kind: str, position: Pair) -> tuple[list[F
             )
         values.append(at[near])
         order.append(near)
-    places = [number[role] for role in AXES]
-    for place, near in zip(places, order, strict=True):
-        index[place] = slice(int(near.min()), int(near.max()) + 1)
+    axes = [number[role] for role in AXES]
+    for axis, near in zip(axes, order, strict=True):
+        index[axis] = slice(int(near.min()), int(near.max()) + 1)
     read = np.ma.filled(variable[tuple(index)].astype(np.float64), np.nan)
-    read = np.moveaxis(read, places, range(3)).reshape([int(np.ptp(near)) + 1 for near in order])
+    read = np.moveaxis(read, axes, range(3)).reshape([int(np.ptp(near)) + 1 for near in order])
     return values, read[np.ix_(*(near - near.min() for near in order))]

@@ -224,8 +224,8 @@ def _feature(kind: str, coordinates: object, **properties: object) -> dict[str, 
 
 def _shape(line: Line, altitude: float) -> dict[str, str]:
     """The elements of a KML point or line, at an altitude in metres above the sea."""
-    places = " ".join(f"{x:.7f},{y:.7f},{altitude}" for x, y in line)
-    return {"altitudeMode": "relativeToGround", "coordinates": places}
+    coordinates = " ".join(f"{x:.7f},{y:.7f},{altitude}" for x, y in line)
+    return {"altitudeMode": "relativeToGround", "coordinates": coordinates}
 
 
 def _add(parent: ET.Element, tag: str, **children: Any) -> ET.Element:

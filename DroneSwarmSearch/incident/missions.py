@@ -31,14 +31,14 @@ def save(plan: PlannedFlights, folder: Path) -> None:
     """Write drone0.plan and drone0.waypoints, and the same for all other drones."""
     airspeed = plan.incident.speed
     for number, flight in enumerate(plan.flights):
-        places = [[0, 0, 0, 0, round(w[1], 7), round(w[2], 7), w[3]] for w in flight]
+        params = [[0, 0, 0, 0, round(w[1], 7), round(w[2], 7), w[3]] for w in flight]
         items = [
-            Item(TAKE_OFF, RELATIVE_ALTITUDE, places[0]),
+            Item(TAKE_OFF, RELATIVE_ALTITUDE, params[0]),
             Item(CHANGE_SPEED, MISSION, [0, airspeed, -1, 0, 0, 0, 0]),
-            *(Item(WAYPOINT, RELATIVE_ALTITUDE, place) for place in places[1:-1]),
+            *(Item(WAYPOINT, RELATIVE_ALTITUDE, own) for own in params[1:-1]),
             Item(RETURN, MISSION, [0] * 7),
         ]
-        base = [*places[0][4:6], 0]
+        base = [*params[0][4:6], 0]
         plain = ["QGC WPL 110"]
         for line, item in enumerate([Item(WAYPOINT, 0, [0, 0, 0, 0, *base]), *items]):
             values = [line, int(line == 0), item.frame, item.command, *item.params, 1]

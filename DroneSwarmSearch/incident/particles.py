@@ -163,7 +163,7 @@ def drift(
         leeway: Floats = (down * downwind + right * (downwind[::-1] * [[1], [-1]])) / 100
         return leeway + current(time, place) + current_off
 
-    kept = np.empty((2, count, n), np.float32)
+    positions = np.empty((2, count, n), np.float32)
     now, ashore, speed = 0.0, np.zeros(n, np.bool_), velocity(0.0, place)
     for row, time in enumerate((begin + step * np.arange(count)).tolist()):
         for parts in range(int(np.ceil((time - now) / LONGEST_STEP)), 0, -1):
@@ -174,5 +174,5 @@ def drift(
             ashore |= np.isnan(move[0])
             place += np.where(ashore, 0.0, move)
             now += h
-        kept[:, row] = place
-    return Particles(begin, step, kept, np.full(n, 1.0 / n), float(ashore.mean()))
+        positions[:, row] = place
+    return Particles(begin, step, positions, np.full(n, 1.0 / n), float(ashore.mean()))

@@ -62,8 +62,8 @@ class Pattern:
         moves = lengths * [np.sin(headings), np.cos(headings)]
         points = np.vstack([self.start, self.start + moves.T.cumsum(axis=0)])
         is_turn = np.append(True, np.abs(np.sin(np.diff(headings) / 2)) > 1e-9)
-        kept: Floats = points[np.concatenate([is_turn, [True]])]
-        return kept
+        turning: Floats = points[np.concatenate([is_turn, [True]])]
+        return turning
 
 
 def ground_speed(airspeed: float, wind: Floats, unit: Floats) -> Floats:
@@ -91,7 +91,7 @@ class Drone(NamedTuple):
         endurance: seconds from take-off to landing, less the reserve.
         base: where it takes off and lands, (east, north) in metres.
         wind: at the height of the flight, (east, north) in m/s, (2, n), at times in seconds after
-            take-off, (n,), and places in metres, (2, n).
+            take-off, (n,), and points in metres, (2, n).
     """
 
     airspeed: float
@@ -100,18 +100,18 @@ class Drone(NamedTuple):
     base: Floats
     wind: Callable[[Floats, Floats], Floats]
 
-    def home(self, times: Floats, places: Floats, unit: Floats) -> Floats:
-        """Seconds for the way home at times from places, (2, n), after flying along `unit`.
+    def home(self, times: Floats, points: Floats, unit: Floats) -> Floats:
+        """Seconds for the way home at times from points, (2, n), after flying along `unit`.
 
         They are infinite where the drone makes no headway.
         """
-        way = self.base[:, None] - places
+        way = self.base[:, None] - points
         length = np.hypot(*way)
         back = np.where(length > 0, way / np.maximum(length, 1e-9), unit)
         seconds = turning = self.turning(unit, back)
         for _ in range(8):  # the wind half-way
             before = seconds
-            wind = self.wind(times + before / 2, places + way / 2)
+            wind = self.wind(times + before / 2, points + way / 2)
             speed = ground_speed(self.airspeed, wind, back)
             seconds = np.fmin(turning + length / speed, 2 * self.endurance)
             if (settled := np.abs(seconds - before) < SETTLED).all():
@@ -160,19 +160,19 @@ class Drone(NamedTuple):
         with np.errstate(invalid="ignore"):
             return self._cut(times, points.T + drift * times, course, turns)
 
-    def _cut(self, times: Floats, places: Floats, course: Floats, turns: Floats) -> Floats | None:
+    def _cut(self, times: Floats, points: Floats, course: Floats, turns: Floats) -> Floats | None:
         """The waypoints until the way home must begin, and from there."""
-        back = self.home(times[1:], places[:, 1:], course)
+        back = self.home(times[1:], points[:, 1:], course)
         late = ~(times[1:] + back <= self.endurance)
         last = int(late.argmax()) if late.any() else len(late)
         if last == 0:
             return None
-        flown, here, home = times[: last + 1], places[:, : last + 1], back[last - 1]
+        flown, here, home = times[: last + 1], points[:, : last + 1], back[last - 1]
         if last < len(late) and times[last + 1] < 2 * self.endurance:  # part of the next leg
             part = np.linspace(0.0, 1.0, 257)[1:-1]
             begin = times[last] + turns[last]
             then = begin + part * (times[last + 1] - begin)
-            there = here[:, -1:] + part * (places[:, last + 1] - here[:, -1])[:, None]
+            there = here[:, -1:] + part * (points[:, last + 1] - here[:, -1])[:, None]
             homes = self.home(then, there, course[:, last : last + 1])
             if (can := then + homes <= self.endurance)[0]:
                 end = int(can.argmin()) - 1 if not can.all() else len(part) - 1

@@ -63,12 +63,12 @@ class PlannedFlights:
             Probabilities, float64, (size, size), [row, column], the northern row first; and the
             corners in metres, (west, south) and (east, north).
         """
-        places, weights = self.particles.at(self.incident.seconds(time)), self.particles.weights
-        low, high = np.percentile(places, (0.1, 99.9), axis=0)
+        positions, weights = self.particles.at(self.incident.seconds(time)), self.particles.weights
+        low, high = np.percentile(positions, (0.1, 99.9), axis=0)
         middle, half = (low + high) / 2, max(0.6 * (high - low).max(), self.incident.swath)
         edges = [np.linspace(centre - half, centre + half, size + 1) for centre in middle]
         counts: Floats
-        counts, *_ = np.histogram2d(places[:, 0], places[:, 1], edges, weights=weights)
+        counts, *_ = np.histogram2d(positions[:, 0], positions[:, 1], edges, weights=weights)
         for _ in range(4):
             for _ in range(2):
                 counts = (np.roll(counts, 1, axis=0) + 2 * counts + np.roll(counts, -1, axis=0)) / 4

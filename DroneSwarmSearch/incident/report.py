@@ -255,20 +255,20 @@ class Report:
         return found
 
     def flow(self, name: str, *, checked: bool = True) -> Flow:
-        """The "wind" at 10 m or the "current", at times in seconds and places on the plane."""
+        """The "wind" at 10 m or the "current", at times in seconds and points on the plane."""
         field, since = self._fields.get(name), self.time.timestamp()
         known = None if field else series(getattr(self, name))
         # North is towards the pole, which is another direction elsewhere on the plane.
         turning = np.tan(np.radians(self.position[0])) / EQUATOR
 
-        def velocity(times: Any, places: Floats) -> Floats:
+        def velocity(times: Any, points: Floats) -> Floats:
             if field is not None:
-                degrees = self.plane.degrees(places.T).T
+                degrees = self.plane.degrees(points.T).T
                 east, north = field.at(since + times, *degrees, checked=checked)
             else:
                 assert known is not None
                 east, north = known(np.atleast_1d(times))
-            turned = turning * places[0]
+            turned = turning * points[0]
             return np.array([east - turned * north, north + turned * east])
 
         return velocity
@@ -283,8 +283,8 @@ class Report:
             self.turn,
             self.endurance - self.reserve,
             self.plane.metres(*self.base),
-            lambda times, places: (
-                np.nan_to_num(wind(start + times, places)) * (height / 10.0) ** WIND_EXPONENT
+            lambda times, points: (
+                np.nan_to_num(wind(start + times, points)) * (height / 10.0) ** WIND_EXPONENT
             ),
         )
 

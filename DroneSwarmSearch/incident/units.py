@@ -60,20 +60,20 @@ def degrees(text: str, letters: str) -> float:
     """A latitude or longitude; south and west, the second of the letters, are negative."""
     given = re.sub(r"[°'\u2032\"\u2033]|(?<=\d)-", " ", text.upper())
     tokens = re.findall(r"[-+]?\d+\.?\d*|\S", given)
-    numbers = [token for token in tokens if token[-1] in "0123456789."]
-    letter = "".join(token for token in tokens if token not in numbers)
-    if letter not in ("", *letters) or not 0 < len(numbers) <= (3 if letter else 1):
+    digits = [token for token in tokens if token[-1] in "0123456789."]
+    letter = "".join(token for token in tokens if token not in digits)
+    if letter not in ("", *letters) or not 0 < len(digits) <= (3 if letter else 1):
         is_valid = False
     else:
-        smaller = [float(number) for number in numbers[1:]]
-        is_valid = "." not in "".join(numbers[:-1]) and max(smaller, default=0.0) < 60
-        is_valid &= not letter or numbers[0][0].isdigit()
+        smaller = [float(number) for number in digits[1:]]
+        is_valid = "." not in "".join(digits[:-1]) and max(smaller, default=0.0) < 60
+        is_valid &= not letter or digits[0][0].isdigit()
     if not is_valid:
         raise ValueError(
             f"degrees are such as 54.18, 54-10.8{letters[0]} or 54 10 48 {letters[0]}, the "
             f"latitude first, got {text!r}"
         )
-    size: float = sum(float(number) / 60**power for power, number in enumerate(numbers))
+    size: float = sum(float(number) / 60**power for power, number in enumerate(digits))
     return -size if letter == letters[1] else size
 
 

@@ -122,5 +122,5 @@ class CropsLayout(Layout):
         box = down * WINDOW + across
         seen = (box < boxes) & self._is_other
         first = np.arange(0, out.size, boxes).reshape(searches, drones, 1, scales)
-        places = first.transpose(3, 0, 1, 2) + box  # in `out`, flat
-        out[...] = np.bincount(places[seen], minlength=out.size).reshape(out.shape)
+        indices = first.transpose(3, 0, 1, 2) + box  # in `out`, flat
+        out[...] = np.bincount(indices[seen], minlength=out.size).reshape(out.shape)

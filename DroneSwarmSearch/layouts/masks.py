@@ -41,12 +41,12 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
     """
     size = checks.integer("grid_size", grid_size, 2)
     what = f"integers from 0 to {size**2 - 1}, of shape (..., n)"
-    places = checks.integer_array("cells", cells, what, 0, size**2 - 1)
-    if not places.ndim:
+    checked = checks.integer_array("cells", cells, what, 0, size**2 - 1)
+    if not checked.ndim:
         raise ValueError(f"cells must be {what}, got {cells!r}")
     checks.boolean("right_of_way", right_of_way)
-    n = places.shape[-1]
-    by_swarm = places.reshape(math.prod(places.shape[:-1]), n)
+    n = checked.shape[-1]
+    by_swarm = checked.reshape(math.prod(checked.shape[:-1]), n)
     swarms, closed = np.arange(len(by_swarm))[:, None], _closed(by_swarm, grid_size)
     ahead = _targets(grid_size)[by_swarm]
     masks: Flags = ahead == by_swarm[..., None]
@@ -54,7 +54,7 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
         masks[:, drone] |= ~closed[swarms, ahead[:, drone]]
         if right_of_way:
             closed[swarms, ahead[:, drone]] = True
-    return masks.reshape(*places.shape, len(Action))
+    return masks.reshape(*checked.shape, len(Action))
 
 
 def mask_space(n_drones: int | None = None) -> spaces.Box:

@@ -46,8 +46,8 @@ class FlatLayout(Layout):
 
     def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
         n = self.n_drones
-        places = out[..., : 2 * n].reshape(*out.shape[:2], n, 2)
-        scaled_positions(positions.take(self._orders, axis=1), self.grid_size, places)
+        scaled = out[..., : 2 * n].reshape(*out.shape[:2], n, 2)
+        scaled_positions(positions.take(self._orders, axis=1), self.grid_size, scaled)
         out[..., 2 * n] = left[:, None]
         matrices /= matrices.max(axis=(1, 2), keepdims=True)
         out[..., 2 * n + 1 :] = matrices.reshape(len(matrices), 1, -1)

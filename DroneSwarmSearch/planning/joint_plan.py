@@ -207,15 +207,15 @@ class JointPlan:
     ) -> tuple[Floats, list[tuple[Ints, Flags]]]:
         """The values of candidates in each box, (K, m), and their cells and searches by place."""
         count, members = teams.shape
-        taken = self._others(reach.numbers(cells[..., None]), teams)
+        taken = self._others(reach.indices(cells[..., None]), teams)
         total, new = np.zeros((count, candidates)), []
         for place, drones in enumerate(teams.T):
             gains = sum(window.gains(reach) for window in windows)
             many = (len(cells) - 1, count, candidates, reach.height, reach.width)
             some = factors[int(rng.integers(NOISE)) :][: math.prod(many)]
             gains = np.maximum(gains, 0.0) * np.resize(some, many)  # below 0 by rounding errors
-            ends = reach.numbers(goals[:, place]) if np.all(goals >= 0) else -1
-            paths, looks, possible = _best(gains, reach.numbers(cells[0, drones]), ends, taken)
+            ends = reach.indices(goals[:, place]) if np.all(goals >= 0) else -1
+            paths, looks, possible = _best(gains, reach.indices(cells[0, drones]), ends, taken)
             for indices, here in zip(taken, paths[1:], strict=True):
                 indices.append((*np.indices(here.shape), here))
             paths, is_last = reach.cells(paths), place == members - 1
@@ -239,14 +239,14 @@ class JointPlan:
         return np.array(pairs[:most]) if pairs else order[: min(TOGETHER, most), None]
 
     @staticmethod
-    def _others(numbers: Ints, teams: Ints) -> list[list[tuple[Any, ...]]]:
+    def _others(indices: Ints, teams: Ints) -> list[list[tuple[Any, ...]]]:
         """The cells of all drones but its team in each box: for each step, an index.
 
-        Given are their numbers in the boxes, [step, drone, box].
+        Given are their indices in the boxes, [step, drone, box].
         """
-        numbers[:, teams.T, np.arange(len(teams))] = -1
+        indices[:, teams.T, np.arange(len(teams))] = -1
         taken: list[list[tuple[Any, ...]]] = []
-        for here in numbers[1:]:
+        for here in indices[1:]:
             drone, box = (here >= 0).nonzero()
             taken.append([(box, slice(None), here[drone, box])])
         return taken

@@ -26,7 +26,7 @@ class Passes:
     """The forward and backward pass of one target, computed as far as they are needed.
 
     Attributes:
-        kept: the probability that each step's searches miss the person in a cell: (n, N, N).
+        missed: the probability that each step's searches miss the person in a cell: (n, N, N).
         masses: that the person is in a state, and unfound, before each step: (n, M, R, N).
         rests: what the plan will gain from a state after each step's searches: (n, M, R, N).
     """
@@ -34,24 +34,24 @@ class Passes:
     def __init__(self, target: Target, first: int, paths: Sequence[Path]) -> None:
         n, size = len(target.worth), target.chain.grid_size
         self.target, self.first = target, first
-        self.kept = np.ones((n, size, size))
+        self.missed = np.ones((n, size, size))
         self.masses, self.rests = np.empty((2, n, *target.belief.shape))
         self.masses[0], self.rests[-1] = target.belief, 0.0
         # Masses are up to date until the one step, rests from the other one on.
         self._masses_to, self._rests_from = 0, n - 1
         for path in paths:
-            self._set_kept(path, 0, 1.0 - target.detection)
+            self._set_missed(path, 0, 1.0 - target.detection)
 
-    def _set_kept(self, path: Path, begin: int, kept: float) -> None:
+    def _set_missed(self, path: Path, begin: int, missed: float) -> None:
         steps = path.searches.nonzero()[0]
-        self.kept.reshape(len(self.kept), -1)[begin + steps, path.cells[steps]] = kept
+        self.missed.reshape(len(self.missed), -1)[begin + steps, path.cells[steps]] = missed
 
     def replace(self, old: Sequence[Path], new: Sequence[Path], begin: int) -> None:
         """Replace the searches of some drones from one step on by others."""
         for path in old:
-            self._set_kept(path, begin, 1.0)
+            self._set_missed(path, begin, 1.0)
         for path in new:
-            self._set_kept(path, begin, 1.0 - self.target.detection)
+            self._set_missed(path, begin, 1.0 - self.target.detection)
         self._masses_to = min(self._masses_to, begin)
         self._rests_from = max(self._rests_from, begin + len(new[0].searches) - 1)
 
@@ -59,18 +59,18 @@ class Passes:
         """Bring the masses up to date until before one step, and the rests from another one on."""
         chain = self.target.chain
         for now in range(self._masses_to, end):
-            mass = self.masses[now] * chain.lift(self.kept[now])
+            mass = self.masses[now] * chain.lift(self.missed[now])
             self.masses[now + 1] = chain.forward(mass, self.first + now)
         self._masses_to = max(self._masses_to, end)
         for now in range(self._rests_from - 1, begin - 1, -1):
-            kept, worth = chain.lift(self.kept[now + 1]), self.target.worth[now + 1]
-            value = kept * self.rests[now + 1] + (1.0 - kept) * worth
+            missed, worth = chain.lift(self.missed[now + 1]), self.target.worth[now + 1]
+            value = missed * self.rests[now + 1] + (1.0 - missed) * worth
             self.rests[now] = chain.backward(value, self.first + now)
         self._rests_from = min(self._rests_from, begin)
 
     def found(self) -> Floats:
         """The probability of finding the person in each step."""
-        self.update(len(self.kept), len(self.kept) - 1)
+        self.update(len(self.missed), len(self.missed) - 1)
         maps = self.target.chain.map(self.masses)
-        found: Floats = ((1.0 - self.kept) * maps).sum(axis=(1, 2))
+        found: Floats = ((1.0 - self.missed) * maps).sum(axis=(1, 2))
         return found

@@ -44,17 +44,17 @@ class Boxes(NamedTuple):
             first.append(np.clip(low, 0, size - lengths[-1]))
         return cls(first[0], first[1], lengths[0], lengths[1], size)
 
-    def numbers(self, cells: Ints) -> Ints:
-        """The numbers y * width + x in the boxes of cells on the grid, (..., K); -1 if outside."""
+    def indices(self, cells: Ints) -> Ints:
+        """The indices y * width + x in the boxes of cells on the grid, (..., K); -1 if outside."""
         y, x = np.divmod(cells, self.size)
         y, x = y - self.top, x - self.left
         inside = (y >= 0) & (y < self.height) & (x >= 0) & (x < self.width)
-        numbers: Ints = np.where(inside, y * self.width + x, -1)
-        return numbers
+        indices: Ints = np.where(inside, y * self.width + x, -1)
+        return indices
 
-    def cells(self, numbers: Ints) -> Ints:
-        """The cells on the grid of numbers in the boxes, (..., K, m)."""
-        y, x = np.divmod(numbers, self.width)
+    def cells(self, indices: Ints) -> Ints:
+        """The cells on the grid of indices in the boxes, (..., K, m)."""
+        y, x = np.divmod(indices, self.width)
         cells: Ints = (y + self.top[:, None]) * self.size + x + self.left[:, None]
         return cells
 
@@ -70,8 +70,8 @@ class TargetWindow:
     """The masses and losses of one target in L steps, in K boxes of the grid.
 
     A loss is what a search loses to the rest of the plan: the worth of a find, less the rest. In
-    each box, several candidates for the paths of some drones can be tried. Masses, losses and kept
-    fractions are indexed [step, layer, box, candidate, y, x], with one candidate at first.
+    each box, several candidates for the paths of some drones can be tried. Masses, losses and
+    fractions missed are indexed [step, layer, box, candidate, y, x], with one candidate at first.
 
     Args:
         passes: those of the plan.
@@ -95,12 +95,12 @@ class TargetWindow:
             (_part(along_x, by_column), _part(along_y, by_row))
             for along_x, along_y in filter(None, matrices)
         ]
-        masses, rests, kept = (
-            values[begin:end] for values in (passes.masses, passes.rests, passes.kept)
+        masses, rests, missed = (
+            values[begin:end] for values in (passes.masses, passes.rests, passes.missed)
         )
         parts: Any = (
             _part(values, cells) if self._matrices else values[:, :, None, None].astype(np.float32)
-            for values in (masses, rests, chain.lift(kept))
+            for values in (masses, rests, chain.lift(missed))
         )
         self._masses, rests, self._kept = parts
         worth = self._target.worth[begin:end].astype(np.float32)

@@ -168,15 +168,15 @@ class SwarmPolicy(BatchPolicy):
         sizes = dict(zip(groups.tolist(), counts.tolist(), strict=True))
         for group in self._memories.keys() - sizes.keys():
             del self._memories[group]
-        for places in _identical(self._group_of[rows], positions, matrices):
-            group = int(self._group_of[rows[places[0]]])
+        for indices in _identical(self._group_of[rows], positions, matrices):
+            group = int(self._group_of[rows[indices[0]]])
             memory = self._memories[group]
-            if len(places) < sizes[group]:
-                sizes[group] -= len(places)
+            if len(indices) < sizes[group]:
+                sizes[group] -= len(indices)
                 memory = copy.deepcopy(memory)
-                self._add_group(rows[places], memory)
-            cells = [(x, y) for x, y in positions[places[0]].tolist()]
-            actions[places] = self.choose(memory, cells, matrices[places[0]])
+                self._add_group(rows[indices], memory)
+            cells = [(x, y) for x, y in positions[indices[0]].tolist()]
+            actions[indices] = self.choose(memory, cells, matrices[indices[0]])
         return actions
 
     def _add_group(self, rows: Ints, memory: Any) -> None:
@@ -188,19 +188,19 @@ def _identical(groups: Ints, positions: NDArray[np.integer], matrices: Singles) 
     """The indices of rows that share a memory and have identical observations now."""
     order = np.argsort(groups, kind="stable")
     borders = np.flatnonzero(np.diff(groups[order])) + 1
-    for places in np.split(order, borders):
-        if len(places) == 1:
-            yield places
+    for indices in np.split(order, borders):
+        if len(indices) == 1:
+            yield indices
             continue
-        here = slice(None) if len(places) == len(groups) else places  # a slice copies nothing
+        here = slice(None) if len(indices) == len(groups) else indices  # a slice copies nothing
         seen = positions[here], matrices[here]
-        equal = [(array == array[0]).reshape(len(places), -1).all(axis=1) for array in seen]
+        equal = [(array == array[0]).reshape(len(indices), -1).all(axis=1) for array in seen]
         same = np.logical_and(*equal)
-        yield places[same]
+        yield indices[same]
         others: dict[tuple[bytes, bytes], list[int]] = {}
-        for place in places[~same].tolist():
-            key = positions[place].tobytes(), matrices[place].tobytes()
-            others.setdefault(key, []).append(place)
+        for index in indices[~same].tolist():
+            key = positions[index].tobytes(), matrices[index].tobytes()
+            others.setdefault(key, []).append(index)
         yield from map(np.array, others.values())
 
 

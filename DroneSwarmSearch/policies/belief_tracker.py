@@ -89,8 +89,8 @@ class BeliefTracker:
     def worth(self, person: int, step: int) -> float:
         """What turns the mass of a missing person in a step into `success`, before the mean."""
         who = self.scenario.persons_to_find[person]
-        kept = self._beliefs[person].kept if self._beliefs else 1.0
-        return who.probability_of_detection * kept * who.alive(step)
+        failure = self._beliefs[person].failure if self._beliefs else 1.0
+        return who.probability_of_detection * failure * who.alive(step)
 
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
         """The matrix shown while some persons, by default `missing`, are: float32, (N, N)."""
@@ -157,7 +157,7 @@ class BeliefTracker:
             after = belief.after_search(searched)
             # The factor counts in coverage missions only, see `success`.
             is_coverage = self.scenario.mission == "coverage"
-            beliefs[person] = after if is_coverage else after._replace(kept=belief.kept)
+            beliefs[person] = after if is_coverage else after._replace(failure=belief.failure)
         self._perhaps_found, self._beliefs = tuple(perhaps_found), tuple(beliefs)
 
 

@@ -67,13 +67,13 @@ def datums_of(forecast: DriftModel, step: int) -> list[Datum]:
     singles = [_datum(*part) for part in likely]
     groups: list[list[int]] = []
     for number, single in enumerate(singles):
-        apart, together = [], [number]
+        apart, merged = [], [number]
         for group in groups:
             if all(single.is_apart_from(singles[other]) for other in group):
                 apart.append(group)
             else:
-                together += group
-        groups = [*apart, together]
+                merged += group
+        groups = [*apart, merged]
     if len(groups) < len(singles):
         joint, weights = np.array([mass for mass, _ in likely]), [weight for _, weight in likely]
         singles = [
@@ -88,8 +88,8 @@ def _datum(matrix: Floats, weight: float) -> Datum:
     moments = []
     for axis in (0, 1):
         chances = matrix.sum(axis=axis) / matrix.sum()
-        numbers = np.arange(len(chances))
-        mean = float(chances @ numbers)
-        moments.append((mean, math.sqrt(float(chances @ (numbers - mean) ** 2))))
+        cells = np.arange(len(chances))
+        mean = float(chances @ cells)
+        moments.append((mean, math.sqrt(float(chances @ (cells - mean) ** 2))))
     (x, deviation_x), (y, deviation_y) = moments
     return Datum((x, y), (deviation_x, deviation_y), weight=weight)

@@ -179,6 +179,6 @@ class ImitationPolicy(OpenLoopPolicy):
         logits = self._network(inputs[0])
         if rng is not None:
             logits += (TEMPERATURE * rng.gumbel(size=logits.shape)).astype(np.float32)
-        numbers = positions[..., 1] * size + positions[..., 0]
-        actions: list[int] = choose_in_turn(logits[None], numbers, size)[0][0].tolist()
+        indices = positions[..., 1] * size + positions[..., 0]
+        actions: list[int] = choose_in_turn(logits[None], indices, size)[0][0].tolist()
         return actions

@@ -108,8 +108,8 @@ class OpenLoopPolicy(SwarmPolicy):
         for _ in range(self.horizon(tracker)):
             actions = [*map(int, act(tracker, cells))]
             steps.append((cells, actions))
-            numbers = [y * self.scenario.grid_size + x for x, y in cells]
-            moved = [*zip(numbers, actions, strict=True)]
+            indices = [y * self.scenario.grid_size + x for x, y in cells]
+            moved = [*zip(indices, actions, strict=True)]
             searched = [cell for cell, action in moved if action == Action.SEARCH]
             for which, person in enumerate(tracker.missing if searched else ()):
                 within = float(tracker.belief(person).reshape(-1)[searched].sum())
@@ -123,6 +123,6 @@ class OpenLoopPolicy(SwarmPolicy):
 
     def ahead(self, cells: list[Cell], actions: Sequence[int]) -> list[Cell]:
         """The drones' cells after a step of actions that keep them on the grid."""
-        numbers = (y * self.scenario.grid_size + x for x, y in cells)
-        moves = zip(numbers, actions, strict=True)
+        indices = (y * self.scenario.grid_size + x for x, y in cells)
+        moves = zip(indices, actions, strict=True)
         return [self._grid.positions[self._grid.neighbours[cell][action]] for cell, action in moves]

@@ -84,6 +84,6 @@ class RandomPolicy(BatchPolicy):
         """A uniform number in [0, 1) for every drone in this step, shape (E, drones)."""
         keys, episodes, steps = self._rows
         first = np.multiply(steps[rows], np.uint64(drones), dtype=np.uint64)
-        places: Words = np.add.outer(first, np.arange(drones, dtype=np.uint64))
+        indices: Words = np.add.outer(first, np.arange(drones, dtype=np.uint64))
         steps[rows] += np.uint64(1)
-        return uniforms(episode_keys(keys[rows], episodes[rows])[:, None], places)
+        return uniforms(episode_keys(keys[rows], episodes[rows])[:, None], indices)

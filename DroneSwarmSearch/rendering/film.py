@@ -35,8 +35,8 @@ class Film:
     ) -> None:
         self._look = look or Look()
         likely = [palette.shares_of_maximum(frame.matrix) > SHOWN_FROM for frame in frames]
-        places = [place for frame in frames for place in frame.drones + frame.persons]
-        cells = np.vstack([np.argwhere(np.any(likely, axis=0))[:, ::-1], *places])
+        occupied = [cell for frame in frames for cell in frame.drones + frame.persons]
+        cells = np.vstack([np.argwhere(np.any(likely, axis=0))[:, ::-1], *occupied])
         low, high, most = cells.min(axis=0), cells.max(axis=0), frames[0].grid_size
         size = min(int((high - low).max()) + 3, most)
         self._left, self._top = np.clip((low + high - size + 1) // 2, 0, most - size).tolist()

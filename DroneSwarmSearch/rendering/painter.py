@@ -58,17 +58,17 @@ class Painter:
         """A new picture of a frame, or of the way `towards` the next one at `progress`, 0 to 1."""
         canvas = pygame.Surface(self.size, 0, 32)
         canvas.fill(PAPER)
-        shown = [frame]
+        frames = [frame]
         if len(self._map_areas) == 2:
             prior = frame.matrix if frame.prior is None else frame.prior
-            shown.insert(0, replace(frame, matrix=prior))
-            for area, caption, seen in zip(self._map_areas, CAPTIONS, shown, strict=True):
+            frames.insert(0, replace(frame, matrix=prior))
+            for area, caption, seen in zip(self._map_areas, CAPTIONS, frames, strict=True):
                 top, likeliest = area.top + CAPTION_FONT // 4, percent(float(seen.matrix.max()))
                 write(canvas, caption, CAPTION_FONT, INK, topleft=(area.left + LEFT, top))
                 corner = area.right - RIGHT, top
                 write(canvas, f"likeliest cell {likeliest}", CAPTION_FONT, GREY, topright=corner)
         self._draw_head(canvas, frame)
-        for area, seen in zip(self._map_areas, shown, strict=True):
+        for area, seen in zip(self._map_areas, frames, strict=True):
             self._map.draw(canvas.subsurface(area), seen, towards or frame, progress)
         panel = canvas.subsurface(self._panel_area)
         draw_panel(panel, frame, self._look)

@@ -67,8 +67,8 @@ class Look:
     def ramp(self) -> NDArray[np.uint8]:
         """The colours from probability 0 to the maximum of the matrix; shape (N_SHADES, 3)."""
         stops = np.array(PALETTES[self.palette])
-        at, places = np.linspace(0.0, len(stops) - 1, N_SHADES), range(len(stops))
-        channels = [np.interp(at, places, channel) for channel in stops.T]
+        at, indices = np.linspace(0.0, len(stops) - 1, N_SHADES), range(len(stops))
+        channels = [np.interp(at, indices, channel) for channel in stops.T]
         ramp: NDArray[np.uint8] = np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
         return ramp
 

@@ -41,7 +41,7 @@ class PlayerWindow(Window):
         """Show a player until the user quits, and return how; a hidden one only to its end."""
         self.open()
         pygame.key.set_repeat(300, 110)  # milliseconds, for keys that are held down
-        shown: object = None
+        drawn: object = None
         layout = "matrix", False
         while True:
             for event in pygame.event.get():
@@ -50,7 +50,7 @@ class PlayerWindow(Window):
                 if event.type == pygame.KEYDOWN:
                     player.press(pygame.key.name(event.key))
                 elif event.type in (pygame.VIDEOEXPOSE, pygame.WINDOWSIZECHANGED):
-                    shown = None
+                    drawn = None
             if player.quits:
                 return "you quit"
             if player.is_at_end and self.is_hidden:
@@ -60,9 +60,9 @@ class PlayerWindow(Window):
                 layout = player.view, has_card
                 self.resize(self._size_of(*layout))
             state = player.moment, player.view, player.status, player.hint
-            if state != shown:
+            if state != drawn:
                 self._draw(player)
-                shown = state
+                drawn = state
             player.advance(min(self.wait(PICTURES_PER_SECOND), LONGEST_PAUSE))
 
     def _draw(self, player: Player) -> None:

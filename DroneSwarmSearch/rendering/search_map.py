@@ -137,7 +137,7 @@ class SearchMap:
     def _draw_trails(self, canvas: pygame.Surface, frame: Frame, drones: Places) -> None:
         """The drones' last moves, fading and with a rim, up to where the drones are."""
         width = max(TRAIL_LEAST, round(TRAIL_SHARE * self._pitch))
-        layer = pygame.Surface((self.side, self.side), pygame.SRCALPHA, 32)
+        overlay = pygame.Surface((self.side, self.side), pygame.SRCALPHA, 32)
         for rim in (1, 0):
             for number, (trail, at) in enumerate(zip(frame.trails, drones, strict=False)):
                 colour = WHITE if rim else drone_colour(number)
@@ -150,8 +150,8 @@ class SearchMap:
                     move = pygame.Rect(round(x0) - LEFT, round(y0) - TOP, 0, 0)
                     move.union_ip((round(x1) - LEFT, round(y1) - TOP, 0, 0))
                     move.inflate_ip(width + 2 * rim, width + 2 * rim)
-                    layer.fill((*colour, _faded(age) * TRAIL_OPACITY // 255), move)
-        canvas.blit(layer, (LEFT, TOP))
+                    overlay.fill((*colour, _faded(age) * TRAIL_OPACITY // 255), move)
+        canvas.blit(overlay, (LEFT, TOP))
 
     # Drones and persons.
 

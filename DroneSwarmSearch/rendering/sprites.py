@@ -56,8 +56,8 @@ class _Pen:
         pygame.draw.polygon(self._surface, colour, [self._place(point) for point in points])
 
     def stroke(self, points: Sequence[Pair], width: float, colour: Colour) -> None:
-        places, thickness = [self._place(point) for point in points], round(width * self._half)
-        pygame.draw.lines(self._surface, colour, False, places, thickness)
+        pixels, thickness = [self._place(point) for point in points], round(width * self._half)
+        pygame.draw.lines(self._surface, colour, False, pixels, thickness)
         for point in points:
             self.disc(point, width / 2, colour)
 

@@ -42,9 +42,9 @@ def render_text(frame: Frame, columns: int = WIDTH, rows: int | None = None) -> 
     side = math.ceil(size / max(1, min(columns - margin, high)))  # of a place, in cells
     edges = np.arange(0, size, side)
     width = min((columns - margin) // len(edges), len(f"{len(frame.drones) - 1}{SEARCHING}") + 3)
-    numbers = " " * margin
+    header = " " * margin
     for x in range(0, len(edges), tick_stride(margin, width)):
-        numbers = numbers.ljust(margin + (x + 1) * width - len(str(edges[x]))) + str(edges[x])
+        header = header.ljust(margin + (x + 1) * width - len(str(edges[x]))) + str(edges[x])
     tokens, room = _tokens(frame, side), max(1, width - 1)
 
     def fit(token: str) -> str:
@@ -54,7 +54,7 @@ def render_text(frame: Frame, columns: int = WIDTH, rows: int | None = None) -> 
     fitted = {place: fit(token) for place, token in tokens.items()}
     sums = np.add.reduceat(np.add.reduceat(frame.matrix, edges, axis=0), edges, axis=1)
     levels = np.rint(shares_of_maximum(sums) * (len(RAMP) - 1)).astype(np.intp)
-    lines = [*_header(frame, columns), numbers]
+    lines = [*_header(frame, columns), header]
     for y, row in enumerate(levels.tolist()):
         texts = (fitted.get((x, y), "") + RAMP[level] for x, level in enumerate(row))
         cells = (text[:width].rjust(width) for text in texts)
@@ -135,8 +135,8 @@ def _tokens(frame: Frame, side: int) -> dict[tuple[int, int], str]:
 
 def _legend(frame: Frame, columns: int, side: int, maximum: float) -> list[str]:
     last = len(frame.drones) - 1
-    numbers = "0" if last == 0 else f"0-{last}"
-    meanings = [f"{numbers} drone, {SEARCHING} searching, {SEVERAL} more, listed below"]
+    drones = "0" if last == 0 else f"0-{last}"
+    meanings = [f"{drones} drone, {SEARCHING} searching, {SEVERAL} more, listed below"]
     if frame.persons:
         meanings.append(f"{MISSING} person, {FOUND}0 found by drone 0")
     of = f" of {side} x {side} cells" if side > 1 else ""

@@ -72,9 +72,9 @@ class Task:
         case, seeds = Case.of(policy, first, view, name=name), range(SEED, SEED + EPISODES)
         persons = tuple(search.scenario.persons_to_find for search in searches)
         scenario = case.search.scenario.replace(persons=persons[0])
-        together = _SeveralSearches("held-out", first.reason, scenario, situations=persons)
-        played = play(prepared(case.spec, first), together, seeds, case.view)
-        return Evaluation(case.spec.name, together, SEED, case.view, played, is_exact=False)
+        combined = _SeveralSearches("held-out", first.reason, scenario, situations=persons)
+        played = play(prepared(case.spec, first), combined, seeds, case.view)
+        return Evaluation(case.spec.name, combined, SEED, case.view, played, is_exact=False)
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ class Beliefs:
         forecasts: where the persons may be; `entries` are the current ones of each person in each
             row there, an array that the caller changes: int64, (persons, rows).
         begun: which rows have beliefs: bool, (rows,).
-        kept: the probability that no search so far finds the person: float64, (persons, rows).
+        failure: the probability that no search so far finds the person: float64, (persons, rows).
     """
 
     def __init__(self, grid_size: int, forecasts: Forecasts, entries: Ints) -> None:
@@ -43,7 +43,7 @@ class Beliefs:
         # The columns after the last row are not used.
         self._mass = np.zeros((tiles, persons, *shape, self._width))
         self.begun = np.zeros(rows, np.bool_)
-        self.kept = np.ones((persons, rows))
+        self.failure = np.ones((persons, rows))
 
     def use(self, forecasts: Forecasts) -> None:
         """Use other forecasts; layers and places without mass are added, or left out."""
@@ -55,7 +55,7 @@ class Beliefs:
     def forget(self, rows: Ints) -> None:
         """Drop the beliefs of some rows, whose next episodes begin."""
         self.begun[rows] = False
-        self.kept[:, rows] = 1.0
+        self.failure[:, rows] = 1.0
 
     def begin(self, rows: Ints) -> None:
         """Let the beliefs of some rows equal the forecast, unless they have begun."""
@@ -82,7 +82,7 @@ class Beliefs:
             self._mass[where] = before * (1.0 - detection[:, None])
             missed = self._normalise(person, searched)
             # Rounding must not lower the probability of success.
-            self.kept[person] *= np.where(searched, np.minimum(missed, 1.0), 1.0)
+            self.failure[person] *= np.where(searched, np.minimum(missed, 1.0), 1.0)
             undo = missed[rows] <= 0.0  # the searches contradict the belief: restore it
             if undo.any():
                 where = tile[undo], person, slice(None), places[undo], column[undo]
@@ -160,12 +160,12 @@ class Beliefs:
 
     def success(self) -> Floats:
         """The cumulative probability of success (POS) in every row: float64, (rows,)."""
-        return 1.0 - means_over_missing(self.kept, np.ones(self.kept.shape, np.bool_))
+        return 1.0 - means_over_missing(self.failure, np.ones(self.failure.shape, np.bool_))
 
     def added_success(self, rows: Ints, cells: Ints, worths: Floats) -> Floats:
         """What each search adds to it, as if it were its row's only one: float64, (n,).
 
         `worths` are each person's probability of detection times that of being alive: (persons, n).
         """
-        added = self.kept[:, rows] * worths * np.array(self._at(rows, cells))
+        added = self.failure[:, rows] * worths * np.array(self._at(rows, cells))
         return means_over_missing(added, np.ones(added.shape, np.bool_))

@@ -193,10 +193,10 @@ class SearchBatch:
             catalogue = self._world.extended(scenarios, which)
         elif is_due:
             catalogue = self._sampled(which, rng)
-        numbers = self._situation if situation is None else situation
-        if numbers is not None:
+        chosen = self._situation if situation is None else situation
+        if chosen is not None:
             choices = (catalogue or self._world.catalogue).choices
-            numbers = checks.integers("situation", numbers, self.num_rows, 0, choices - 1)[which]
+            chosen = checks.integers("situation", chosen, self.num_rows, 0, choices - 1)[which]
         cells = None
         if drones_positions is not None:
             cells = self._scenario.drone_cells_of_rows(drones_positions, self.num_rows)[which]
@@ -206,7 +206,7 @@ class SearchBatch:
         for name in ("cells", "searching", "rewards", "endings", "ended"):
             setattr(self, name, getattr(self, name).copy())  # the caller may keep the last ones
         self._rng = rng
-        self._begin(which, counters, catalogue, numbers, cells)
+        self._begin(which, counters, catalogue, chosen, cells)
         self._changing = False
 
     def _sampled(self, starting: Ints, rng: np.random.Generator) -> Catalogue | None:
@@ -394,7 +394,7 @@ class SearchBatch:
         `probability_of_success`.
         """
         beliefs = self._world.beliefs
-        return None if beliefs is None else beliefs.kept.T.copy()
+        return None if beliefs is None else beliefs.failure.T.copy()
 
     def frame(self, row: int) -> Frame:
         """Everything that a picture of one row shows, including the persons, but no trails."""

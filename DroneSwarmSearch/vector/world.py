@@ -24,7 +24,7 @@ class Catalogue:
 
     Args:
         scenarios: the searches, all with the same number of persons.
-        kept: searches that episodes under way have, but new ones do not draw.
+        old: searches that episodes under way have, but new ones do not draw.
         cells: the drones' start cells in each search, (searches, n_drones), if they are its own.
         complete: make the table of matrices for all steps at once.
 
@@ -40,11 +40,11 @@ class Catalogue:
     def __init__(
         self,
         scenarios: Sequence[Scenario],
-        kept: Sequence[Scenario] = (),
+        old: Sequence[Scenario] = (),
         cells: Ints | None = None,
         complete: bool = False,
     ) -> None:
-        self.scenarios, self.choices = (*scenarios, *kept), len(scenarios)
+        self.scenarios, self.choices = (*scenarios, *old), len(scenarios)
         self.cells, self.complete = cells, complete
         size, limit = scenarios[0].grid_size, scenarios[0].timestep_limit
         self.forecasts, indices = forecasts_of(
@@ -91,7 +91,7 @@ class BatchState:
         self.beliefs: Beliefs | None = None
         if scenario.keeps_beliefs:
             self.beliefs = Beliefs(self._size, catalogue.forecasts, self._entries)
-        self._shown = self.beliefs if scenario.bayesian_update else None
+        self._shown_beliefs = self.beliefs if scenario.bayesian_update else None
         self._states = np.zeros((self._persons, rows), np.int64)
         # The counters of a step's drift draws, from the key of the episode on.
         self._places = np.arange(1, 2 * self._persons + 1, dtype=np.uint64)[:, None] * GOLDEN
@@ -107,8 +107,8 @@ class BatchState:
         if (certain := forecasts.certain_starts) is not None:  # saves a tenth of a step
             self._states[:, rows] = certain.take(models)
         else:
-            places = np.arange(self._persons, dtype=np.uint64)[:, None]
-            self._states[:, rows] = forecasts.start(models, uniforms(keys[3], places))
+            indices = np.arange(self._persons, dtype=np.uint64)[:, None]
+            self._states[:, rows] = forecasts.start(models, uniforms(keys[3], indices))
         self.step[rows] = 0
         self.situation[rows] = situation
         self.missing[:, rows] = True
@@ -123,8 +123,8 @@ class BatchState:
     ) -> Catalogue:
         """A catalogue for `use` that keeps the searches of episodes other than those starting."""
         going = np.delete(self.situation, starting)
-        kept = [self.catalogue.scenarios[number] for number in np.unique(going)]
-        return Catalogue(scenarios, kept, cells, self.catalogue.complete)
+        old = [self.catalogue.scenarios[number] for number in np.unique(going)]
+        return Catalogue(scenarios, old, cells, self.catalogue.complete)
 
     def use(self, catalogue: Catalogue, starting: Ints) -> None:
         """Use a catalogue from `extended`."""
@@ -168,8 +168,8 @@ class BatchState:
             if not hits.size:
                 continue
             where = rows.take(hits)
-            places = self.step[where] * self._persons + person
-            draws = uniforms(self._detection_keys[where], places.astype(np.uint64))
+            indices = self.step[where] * self._persons + person
+            draws = uniforms(self._detection_keys[where], indices.astype(np.uint64))
             hits = hits[draws < self._detections_of(where)[person]]
             where = rows.take(hits)
             self.missing[person, where] = False
@@ -223,11 +223,11 @@ class BatchState:
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
         """The matrix entry of one cell in each of some rows: float32, (n,)."""
-        if self._shown is None:
+        if self._shown_beliefs is None:
             return self._forecast_at(rows, cells)
-        begun, values = self._shown.begun[rows], np.empty(len(rows), np.float32)
+        begun, values = self._shown_beliefs.begun[rows], np.empty(len(rows), np.float32)
         here, counted = rows[begun], shown_persons(self.missing[:, rows[begun]])
-        values[begun] = self._shown.probabilities(here, cells[begun], counted)
+        values[begun] = self._shown_beliefs.probabilities(here, cells[begun], counted)
         values[~begun] = self._forecast_at(rows[~begun], cells[~begun])
         return values
 
@@ -240,20 +240,20 @@ class BatchState:
 
     def matrices(self, rows: Ints) -> Singles:
         """The matrices of some rows: float32, shape (n, N, N)."""
-        if self._shown is None:
+        if self._shown_beliefs is None:
             return self._forecasts(rows)
-        begun = self._shown.begun[rows]
+        begun = self._shown_beliefs.begun[rows]
         here, counted = rows[begun], shown_persons(self.missing[:, rows[begun]])
         out = np.empty((len(rows), self._size, self._size), np.float32)
-        out[begun] = self._shown.matrices(here, counted)
+        out[begun] = self._shown_beliefs.matrices(here, counted)
         out[~begun] = self._forecasts(rows[~begun])
         return out
 
     def write_matrices(self, out: Singles) -> None:
         """Write the matrix of every row: float32, shape (rows, N, N)."""
-        if self._shown is not None:
-            self._shown.write_matrices(shown_persons(self.missing), out)
-            others = (~self._shown.begun).nonzero()[0]
+        if self._shown_beliefs is not None:
+            self._shown_beliefs.write_matrices(shown_persons(self.missing), out)
+            others = (~self._shown_beliefs.begun).nonzero()[0]
             out[others] = self._forecasts(others)
         elif self._persons == 1:
             self.catalogue.forecasts.matrices(self._entries[0], out)
@@ -266,9 +266,9 @@ class BatchState:
         if self._persons == 1:
             return forecasts.matrices(entries[0])
         counted = shown_persons(self.missing[:, rows])
-        shown = np.take_along_axis(entries, counted.argmax(axis=0)[None], axis=0)
-        matrices = forecasts.matrices(shown[0])
-        mixed = ((entries != shown) & counted).any(axis=0)  # a mean of different forecasts
+        first = np.take_along_axis(entries, counted.argmax(axis=0)[None], axis=0)
+        matrices = forecasts.matrices(first[0])
+        mixed = ((entries != first) & counted).any(axis=0)  # a mean of different forecasts
         maps = [
             forecasts.map(np.moveaxis(forecasts.joint(entry), 0, -1), entry)
             for entry in entries[:, mixed]
