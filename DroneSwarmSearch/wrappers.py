@@ -296,8 +296,8 @@ class ActionMask(SearchWrapper):
         self.right_of_way = checks.boolean("right_of_way", right_of_way)
         if self.in_observation:
             for agent in self._names:
-                entries = {"observation": env.observation_space(agent), "action_mask": mask_space()}
-                self._spaces[agent] = spaces.Dict(entries)
+                parts = {"observation": env.observation_space(agent), "action_mask": mask_space()}
+                self._spaces[agent] = spaces.Dict(parts)
 
     def action_masks(self) -> dict[str, NDArray[np.int8]]:
         """Every drone's mask in the current state: int8, (6,); new arrays."""

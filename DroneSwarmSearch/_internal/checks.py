@@ -127,11 +127,11 @@ def items(name: str, value: object, what: str) -> list[object]:
 
 
 def seeds(name: str, value: object) -> list[int | None]:
-    """A list of seeds from any sequence or array; None entries are kept."""
-    entries = items(name, value, "a list or an array of integers of at least 0")
+    """A list of seeds from any sequence or array, in which None stays None."""
+    given = items(name, value, "a list or an array of integers of at least 0")
     return [
-        None if entry is None else integer(f"{name}[{place}]", entry, 0)
-        for place, entry in enumerate(entries)
+        None if seed is None else integer(f"{name}[{place}]", seed, 0)
+        for place, seed in enumerate(given)
     ]
 
 

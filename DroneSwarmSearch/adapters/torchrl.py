@@ -142,8 +142,8 @@ class SearchEnv(EnvBase):
         device = self.device
         swarms, drones = self.batch_size, torch.Size([*self.batch_size, self.n_drones])
 
-        def of_group(entries: dict[str, TensorSpec]) -> Composite:
-            group = Composite(entries, shape=drones, device=device)
+        def of_group(specs: dict[str, TensorSpec]) -> Composite:
+            group = Composite(specs, shape=drones, device=device)
             return Composite({GROUP: group}, shape=swarms, device=device)
 
         def flags(shape: torch.Size) -> dict[str, TensorSpec]:
@@ -207,13 +207,13 @@ class SearchEnv(EnvBase):
         drones = drones.reshape(*self.batch_size, self.n_drones)
         drones["action_mask"] = drones["action_mask"].bool()
         infos = {name: self._by_drone(self._infos[name])[:, 0].clone() for name in self._info_names}
-        entries: dict[str, Any] = {
+        tensors: dict[str, Any] = {
             GROUP: drones,
             "info": TensorDict(infos, batch_size=self.batch_size),
         }
         if self._shows_state:
-            entries["state"] = torch.from_numpy(self.vector_env.batch.state_planes())
-        return TensorDict(entries, batch_size=self.batch_size).to(self.device)
+            tensors["state"] = torch.from_numpy(self.vector_env.batch.state_planes())
+        return TensorDict(tensors, batch_size=self.batch_size).to(self.device)
 
     def _by_drone(self, values: NDArray[Any]) -> torch.Tensor:
         """A tensor of shape (num_swarms, n_drones, 1)."""

@@ -23,19 +23,19 @@ MOVES: tuple[Cell, ...] = ((-1, 0), (1, 0), (0, -1), (0, 1))
 WAITING = 2  # the actions after the moves that leave a drone in its cell: to search, and to idle
 OFF_GRID = -1  # the target of a move that leaves the grid
 
-Entry = TypeVar("Entry")
+Value = TypeVar("Value")
 
 
-class CellTable(dict[int, Entry], Generic[Entry]):
+class CellTable(dict[int, Value], Generic[Value]):
     """A table by cell, whose entries are computed when they are needed."""
 
-    def __init__(self, entry: Callable[[int], Entry]) -> None:
+    def __init__(self, compute: Callable[[int], Value]) -> None:
         super().__init__()
-        self._entry = entry
+        self._compute = compute
 
-    def __missing__(self, cell: int) -> Entry:
-        self[cell] = entry = self._entry(cell)
-        return entry
+    def __missing__(self, cell: int) -> Value:
+        self[cell] = value = self._compute(cell)
+        return value
 
 
 class Grid:

@@ -96,18 +96,18 @@ class NamedSearch:
 
         Tracks are named by their file. Raises OSError if it cannot be written.
         """
-        entry = {"name": self.name, "reason": self.reason, **self.data}
+        data = {"name": self.name, "reason": self.reason, **self.data}
         if self.scale is not None:
-            entry["scale"] = asdict(self.scale)
-        for person in entry["persons"] or ():
+            data["scale"] = asdict(self.scale)
+        for person in data["persons"] or ():
             if person.get("tracks", {}).get("file"):
                 file = os.path.relpath(person["tracks"]["file"], Path(path).parent)
                 person["tracks"] = {**person["tracks"], "file": file}
-        write_text(Path(path), json.dumps(entry, indent=1) + "\n")
+        write_text(Path(path), json.dumps(data, indent=1) + "\n")
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> NamedSearch:
-        """Make a search from an entry of the suite, or the content of a file of `save`."""
+        """Make a search from plain data: of the suite, or the content of a file of `save`."""
         rest = dict(data)
         name, reason, scale = rest.pop("name"), rest.pop("reason"), rest.pop("scale", None)
         given = rest.pop("drones_positions", [])
@@ -125,7 +125,7 @@ class NamedSearch:
 def read_json(path: Path) -> Any:
     """The content of a JSON file, with the paths of the files of tracks that it names."""
 
-    def located(entry: dict[str, Any]) -> dict[str, Any]:
-        return {**entry, "file": str(path.parent / entry["file"])} if entry.get("file") else entry
+    def located(item: dict[str, Any]) -> dict[str, Any]:
+        return {**item, "file": str(path.parent / item["file"])} if item.get("file") else item
 
     return json.loads(path.read_bytes(), object_hook=located)

@@ -106,7 +106,7 @@ class SearchSpaces(ParallelEnv[str, Observation, int]):
     def observation_space(self, agent: str) -> spaces.Dict:
         """The space of a drone's observations; the same object at every call.
 
-        A Dict with one entry, "observation": a Tuple of the drone's (x, y), each Discrete(N),
+        A Dict with one key, "observation": a Tuple of the drone's (x, y), each Discrete(N),
         and the matrix, float32 in [0, 1] of shape (N, N), indexed [y, x].
         """
         return self.observation_spaces[agent]

@@ -215,15 +215,15 @@ class Scenario:
             ValueError: a cell is off the grid, two are equal, or their number is wrong.
         """
         n, size = self.n_drones, self.grid_size
-        entries = checks.items(name, drones_positions, f"{n} cells (x, y), one for each drone")
-        if len(entries) != n:
+        given = checks.items(name, drones_positions, f"{n} cells (x, y), one for each drone")
+        if len(given) != n:
             raise ValueError(
                 f"{name} must hold {n} cells (x, y), one for each drone, "
-                f"got {len(entries)}: {drones_positions!r}"
+                f"got {len(given)}: {drones_positions!r}"
             )
         first_at: dict[Cell, int] = {}
-        for drone, entry in enumerate(entries):
-            cell = checks.cell(f"{name}[{drone}]", entry, size)
+        for drone, cell in enumerate(given):
+            cell = checks.cell(f"{name}[{drone}]", cell, size)
             if cell in first_at:
                 raise ValueError(
                     f"{name} must hold different cells, got {cell} for both "
@@ -302,12 +302,12 @@ def _person_from_dict(place: int, data: object) -> object:
 def _cells(value: object, grid_size: int) -> tuple[Cell, ...]:
     """The persons' start cells: one cell, or a sequence of cells."""
     name = "person_initial_position"
-    entries = checks.items(name, value, "a cell (x, y) or several of them")
-    if not entries:
+    given = checks.items(name, value, "a cell (x, y) or several of them")
+    if not given:
         raise ValueError(f"{name} must hold at least one cell (x, y), got {value!r}")
-    if all(isinstance(entry, (list, tuple, np.ndarray)) for entry in entries):
+    if all(isinstance(item, (list, tuple, np.ndarray)) for item in given):
         return tuple(
-            checks.cell(f"{name}[{index}]", entry, grid_size) for index, entry in enumerate(entries)
+            checks.cell(f"{name}[{index}]", item, grid_size) for index, item in enumerate(given)
         )
     return (checks.cell(name, value, grid_size),)
 
@@ -317,12 +317,10 @@ def _detection(value: object, persons: tuple[Cell, ...]) -> float | tuple[float,
     name = "probability_of_detection"
     if checks.is_number(value):
         return checks.real(name, value, 0, 1)
-    entries = checks.items(name, value, "a number from 0 to 1, or one for each person")
-    if len(entries) != len(persons):
+    given = checks.items(name, value, "a number from 0 to 1, or one for each person")
+    if len(given) != len(persons):
         raise ValueError(
             f"{name} must be one number, or one for each cell of person_initial_position, "
             f"got {value!r} for {list(persons)!r}"
         )
-    return tuple(
-        checks.real(f"{name}[{index}]", entry, 0, 1) for index, entry in enumerate(entries)
-    )
+    return tuple(checks.real(f"{name}[{index}]", item, 0, 1) for index, item in enumerate(given))

@@ -32,4 +32,4 @@ class KnownDrift(ABC):
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """The entries of the person's plain data for JSON."""
+        """The items of the person's plain data for JSON."""

@@ -303,7 +303,7 @@ def class_of(object_class: object) -> ObjectClass:
         return CLASSES[object_class]
     text = object_class.strip().lower()
     described = [f"{kind.name}, {kind.description}" for kind in CLASSES.values()]
-    near = [entry for entry in described if text and text in entry.lower()]
+    near = [line for line in described if text and text in line.lower()]
     raise ValueError(
         f"object_class must be a key of leeway.CLASSES, got {object_class!r}; "
         + (f"the nearest are {'; '.join(near)}" if near else f"the keys are {', '.join(CLASSES)}")

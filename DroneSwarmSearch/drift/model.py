@@ -312,7 +312,7 @@ class Forecasts:
         return matrices[place]
 
     def probabilities(self, entries: Ints, cells: Ints) -> Singles:
-        """The matrix entry of one cell in each of some entries: float32, (n,)."""
+        """The probability of one cell in each of some entries' matrices: float32, (n,)."""
         if self._matrices is not None:
             return self._matrices.take(entries * self._size**2 + cells, mode="clip")
         return self._computed(entries).reshape(-1, self._size**2)[np.arange(len(cells)), cells]

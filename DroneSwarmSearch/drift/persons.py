@@ -41,8 +41,8 @@ class Person:
     Attributes:
         drift: what is known of the drift: `Hypotheses`, `TrackDrift` or another `KnownDrift`.
         probability_of_detection: of a search of the person's cell, from 0 to 1.
-        survival: the probability of being alive, entry t after t completed steps, and the last
-            entry from then on; never increasing. Any array or sequence; a tuple is kept. Plans,
+        survival: the probability of being alive, value t after t completed steps, and the last
+            value from then on; never increasing. Any array or sequence; a tuple is kept. Plans,
             policies, `RewardScheme.expected` and `Evaluation.success_alive` weigh finds by it; it
             does not change who is found. None: always alive.
 

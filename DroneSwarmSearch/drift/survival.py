@@ -51,7 +51,7 @@ def curve(
     The survival time is lognormal, because build, fat, clothing and behaviour each change it by a
     factor. The default `sigma` is a choice, not a fit: 95% of the persons survive for 0.38 to 2.7
     times the median, which covers both other sources. If a person is known to be alive when the
-    search begins, divide the curve by its first entry.
+    search begins, divide the curve by its first value.
 
     Args:
         median: the time that half of such persons survive, in seconds; above 0.

@@ -30,8 +30,8 @@ def search(name: str) -> NamedSearch:
     if name.endswith(".json"):
         path = Path(name)
         try:
-            entry = {"name": path.stem, "reason": "Read from a file.", **read_json(path)}
-            return NamedSearch.from_dict(entry)
+            data = {"name": path.stem, "reason": "Read from a file.", **read_json(path)}
+            return NamedSearch.from_dict(data)
         except (OSError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: {error}") from error
     if name not in SUITE:
@@ -59,20 +59,20 @@ def as_named(value: object) -> NamedSearch:
 class _Suite(Mapping[str, NamedSearch]):
     """Searches by name, each made when it is first used: some have large files of tracks."""
 
-    def __init__(self, entries: list[dict[str, Any]]) -> None:
-        self._entries = {entry["name"]: entry for entry in entries}
+    def __init__(self, searches: list[dict[str, Any]]) -> None:
+        self._data = {data["name"]: data for data in searches}
         self._made: dict[str, NamedSearch] = {}
 
     def __getitem__(self, name: str) -> NamedSearch:
         if name not in self._made:
-            self._made[name] = NamedSearch.from_dict(self._entries[name])
+            self._made[name] = NamedSearch.from_dict(self._data[name])
         return self._made[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._entries)
+        return iter(self._data)
 
     def __len__(self) -> int:
-        return len(self._entries)
+        return len(self._data)
 
 
 _CONTENT = read_json(Path(__file__).with_name("suite_v2.json"))

@@ -61,16 +61,16 @@ def read_flow(kind: str, value: Any, since: datetime, name: str = "") -> Any:
         value = _rows(name, path)
     if isinstance(value, str):
         value = [value]
-    if isinstance(value, (list, tuple)) and any(isinstance(entry, str) for entry in value):
-        value = dict(_timed(name, entry, since) for entry in value)
+    if isinstance(value, (list, tuple)) and any(isinstance(part, str) for part in value):
+        value = dict(_timed(name, part, since) for part in value)
         if [*value] == [None]:
             value = value[None]
     if isinstance(value, Mapping):
         vectors = {
             0.0 if time is None else checks.real(f"a time of {name}", time): read_flow(
-                kind, entry, since, f"{name}[{time}]"
+                kind, part, since, f"{name}[{time}]"
             )
-            for time, entry in value.items()
+            for time, part in value.items()
         }
         return {time: vectors[time] for time in sorted(vectors)}
     if isinstance(value, str):

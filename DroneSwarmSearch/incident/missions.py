@@ -67,8 +67,8 @@ def save(plan: PlannedFlights, folder: Path) -> None:
 
 def _simple_item(number: int, item: Item) -> dict[str, Any]:
     """A command as QGroundControl has it."""
-    entry = {"type": "SimpleItem", "autoContinue": True, "doJumpId": number, **item._asdict()}
+    data = {"type": "SimpleItem", "autoContinue": True, "doJumpId": number, **item._asdict()}
     if item.frame == RELATIVE_ALTITUDE:
-        entry["params"] = [*item.params[:3], None, *item.params[4:]]  # any yaw
-        entry |= {"Altitude": item.params[6], "AltitudeMode": 1, "AMSLAltAboveTerrain": None}
-    return entry
+        data["params"] = [*item.params[:3], None, *item.params[4:]]  # any yaw
+        data |= {"Altitude": item.params[6], "AltitudeMode": 1, "AMSLAltAboveTerrain": None}
+    return data

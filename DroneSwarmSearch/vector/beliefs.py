@@ -144,7 +144,7 @@ class Beliefs:
         return np.moveaxis(self._mass[tile, :, :, :, column], 0, -1)
 
     def probabilities(self, rows: Ints, cells: Ints, counted: Flags) -> Singles:
-        """The matrix entry of one cell in each of some rows: float32, (n,)."""
+        """The probability of one cell in the matrix of each of some rows: float32, (n,)."""
         values: Singles = means_over_missing(self._at(rows, cells), counted).astype(np.float32)
         return values
 

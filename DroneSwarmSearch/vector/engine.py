@@ -454,7 +454,7 @@ class SearchBatch:
         return state_planes(matrices, self.cells, self.person_cells, missing)
 
     def probabilities(self, rows: ArrayLike, cells: ArrayLike) -> Singles:
-        """The matrix entries of one cell, y * N + x, in each of some rows: float32, (n,).
+        """The probabilities of one cell, y * N + x, in each of some rows' matrices: float32, (n,).
 
         A row may occur several times.
         """

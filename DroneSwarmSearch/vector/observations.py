@@ -55,7 +55,7 @@ class BatchObservations:
         self.space: spaces.Space[Any] = self._layout.space
         if self._stacks:
             self.space = batch_space(self.space, scenario.n_drones)
-        self._positions = None  # the entry for positions, if no matrices are written
+        self._positions = None  # the array for positions, if no matrices are written
         if not write_matrices:
             self._positions = "positions" if joint else "position"
             index = spaces.Box(0, np.iinfo(np.int32).max, (), np.int64)

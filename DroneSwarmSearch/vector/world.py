@@ -222,7 +222,7 @@ class BatchState:
     # The matrices.
 
     def probabilities(self, rows: Ints, cells: Ints) -> Singles:
-        """The matrix entry of one cell in each of some rows: float32, (n,)."""
+        """The probability of one cell in the matrix of each of some rows: float32, (n,)."""
         if self._shown_beliefs is None:
             return self._forecast_at(rows, cells)
         begun, values = self._shown_beliefs.begun[rows], np.empty(len(rows), np.float32)
