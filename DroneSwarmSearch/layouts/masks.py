@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from gymnasium import spaces
@@ -48,7 +47,7 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
     n = checked.shape[-1]
     by_swarm = checked.reshape(math.prod(checked.shape[:-1]), n)
     swarms, closed = np.arange(len(by_swarm))[:, None], _closed(by_swarm, grid_size)
-    ahead = _targets(grid_size)[by_swarm]
+    ahead = Grid.of(size).targets[by_swarm]
     masks: Flags = ahead == by_swarm[..., None]
     for drone in range(n):
         masks[:, drone] |= ~closed[swarms, ahead[:, drone]]
@@ -93,7 +92,7 @@ def choose_in_turn(
     Returns the actions, int64, and which ones each drone was allowed at its turn, bool.
     """
     swarms = np.arange(len(cells))
-    targets = _targets(grid_size)[cells, : scores.shape[-1]]
+    targets = Grid.of(grid_size).targets[cells, : scores.shape[-1]]
     closed = _closed(cells, grid_size)
     actions = np.empty(cells.shape, np.int64)
     masks = targets == cells[..., None]
@@ -107,15 +106,8 @@ def choose_in_turn(
 
 
 def _closed(cells: NDArray[np.integer], grid_size: int) -> Flags:
-    """The cells that no drone may enter, bool, (swarms, cells + 1), indexed as by `_targets`."""
+    """The cells that no drone may enter, bool, (swarms, cells + 1); the last one is `OFF_GRID`."""
     closed = np.zeros((len(cells), grid_size**2 + 1), np.bool_)
-    closed[:, -1] = True
+    closed[:, OFF_GRID] = True
     closed[np.arange(len(cells))[:, None], cells] = True
     return closed
-
-
-@lru_cache(maxsize=16)
-def _targets(grid_size: int) -> Ints:
-    """The target of each action, [cell, action]; the index after the last cell is off the grid."""
-    targets = Grid.of(grid_size).targets
-    return np.where(targets == OFF_GRID, grid_size**2, targets)
