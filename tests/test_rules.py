@@ -13,6 +13,7 @@ from DroneSwarmSearch.core.rules import (
     Ending,
     RewardScheme,
     collisions,
+    is_quiet,
     is_success,
     outcome,
     outcomes,
@@ -57,6 +58,20 @@ def test_every_line_of_the_table_uses_its_parameter():
                 (True, 1),
             ]
             assert got == next(points for applies, points in lines if applies), case
+
+
+def test_a_step_without_searches_is_quiet_if_it_pays_all_drones_the_same_and_goes_on():
+    scheme = RewardScheme(step=1, timeout=11, leave_grid=13, collision=17)
+    moves = bytes((Action.LEFT, Action.IDLE, Action.DOWN))
+    for *targets, before in itertools.product(range(OFF_GRID, 3), repeat=4):
+        if before != OFF_GRID:
+            resolved = outcome(
+                scheme, 3, True, targets=targets, observed={}, found=(), found_before=(),
+                returns=[0.0] * 3, steps_before=before, all_found=False, covered=False,
+            )  # fmt: skip
+            assert is_quiet(moves, targets, before, 3) == (resolved == ([1.0] * 3, None))
+    assert is_quiet(moves, [0, 1, 2], 0, 3)
+    assert not is_quiet(bytes((Action.LEFT, Action.SEARCH, Action.DOWN)), [0, 1, 2], 0, 3)
 
 
 def test_expected_pays_the_added_probability_of_success():

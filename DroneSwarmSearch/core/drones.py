@@ -29,6 +29,7 @@ class Drones:
     def __init__(self, names: tuple[str, ...], scenario: Scenario) -> None:
         self._names, self._scheme = names, scenario.reward_scheme
         self._timestep_limit = scenario.timestep_limit
+        self._quiet = dict.fromkeys(names, self._scheme.step)
 
     def start(self, cells: list[int]) -> None:
         """Start an episode with the drones in some cells."""
@@ -43,8 +44,23 @@ class Drones:
     ) -> tuple[dict[str, float], Ending | None]:
         """Let the drones search and move, given each one's action and target cell or OFF_GRID.
 
-        Returns each drone's reward, and the ending or None.
+        Returns each drone's reward, for reading only, and the ending or None.
         """
+        rewards, ending = self._quiet, None
+        if not rules.is_quiet(chosen, targets, world.step, self._timestep_limit):
+            rewards, ending = self._outcome(chosen, targets, world)
+        if ending:  # a drone that tries to leave the grid stays
+            moves = zip(self.cells, targets, strict=True)
+            targets = [cell if target == OFF_GRID else target for cell, target in moves]
+        self.chosen, self.cells = chosen, targets
+        self.returns = [*map(add, self.returns, rewards.values())]
+        self.history.append((targets, chosen))
+        return rewards, ending
+
+    def _outcome(
+        self, chosen: bytes, targets: list[int], world: WorldState
+    ) -> tuple[dict[str, float], Ending | None]:
+        """Let the drones search, and apply the rules."""
         found: set[int] = set()
         observed: dict[int, float] = {}
         if _SEARCH in chosen:
@@ -67,12 +83,6 @@ class Drones:
             covered=world.is_covered,
         )
         self.finders |= found
-        if ending:  # a drone that tries to leave the grid stays
-            moves = zip(self.cells, targets, strict=True)
-            targets = [cell if target == OFF_GRID else target for cell, target in moves]
-        self.chosen, self.cells = chosen, targets
-        self.returns = [*map(add, self.returns, rewards)]
-        self.history.append((targets, chosen))
         return dict(zip(self._names, rewards, strict=True)), ending
 
     def trails(self) -> list[list[int]]:

@@ -76,6 +76,7 @@ _DESCRIPTIONS = {
     Ending.COVERED: "less than 1% was left to find",
 }
 
+_SEARCH = int(Action.SEARCH)  # comparing with a plain int is faster
 COVERED_AT = 0.99  # the coverage mission ends above this probability of success
 _LARGEST = 1e100  # the largest figure of a scheme
 
@@ -178,6 +179,21 @@ def collisions(targets: Ints) -> Ints:
     return collided.T.reshape(-1).nonzero()[0]
 
 
+def is_quiet(
+    actions: bytes, targets: Sequence[int], steps_before: int, timestep_limit: int
+) -> bool:
+    """Whether `outcome` is `RewardScheme.step` for all drones, without an ending.
+
+    Only searches find persons or cover the area, so no drone searches, none crashes, and it is
+    not the last step. Most steps are quiet: not to go through the table saves a fifth of them.
+    """
+    return (
+        _SEARCH not in actions
+        and steps_before != timestep_limit - 1
+        and len({OFF_GRID, *targets}) > len(targets)
+    )
+
+
 def outcome(
     scheme: RewardScheme,
     timestep_limit: int,
@@ -212,9 +228,6 @@ def outcome(
         Every drone's reward, and the ending or None.
     """
     is_last = steps_before == timestep_limit - 1
-    crashes = len({OFF_GRID, *targets}) <= len(targets)
-    if not (crashes or observed or len(found) or is_last or all_found or covered):
-        return [scheme.step] * len(targets), None  # so most steps take less time
     shared = same_cell(targets)
     rewards = []
     for drone, target in enumerate(targets):
