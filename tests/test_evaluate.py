@@ -298,6 +298,7 @@ def test_an_episode_succeeds_when_the_last_person_is_found():
     assert got.times.tolist() == [7, 10, 10, 10]
     assert got.time.value == pytest.approx(9.25)
     assert got.success.value == 0.5
+    assert ": 4 episodes, 50.0% success (" in repr(got)
     assert got.success_by_time.tolist() == [0] * 7 + [0.25] * 3 + [0.5]
     counts = {Ending.FOUND: 2, Ending.TIME_LIMIT: 2}
     assert got.endings == {ending: counts.get(ending, 0) for ending in Ending}

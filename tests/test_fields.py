@@ -128,6 +128,19 @@ def test_files_of_many_conventions_are_read(options, middle, tmp_path):
     assert several == pytest.approx(expected, abs=2e-4)
 
 
+def test_values_are_interpolated_up_to_the_last_of_each_axis(tmp_path):
+    def last(seconds: Any, latitude: Any, longitude: Any) -> Any:
+        """Nothing but for the last value of each axis."""
+        return np.array([axis == axis.max() for axis in (seconds, latitude)], float)
+
+    field = Field.read(write(tmp_path / "a.nc", last), "current", HERE)
+    latitude, longitude = HERE[0] + np.array([0.0, 0.15 - 0.005 / 4]), np.full(2, HERE[1])
+    end, step = MIDNIGHT + 3600 * HOURS[-1], 1800.0
+    for before, expected in ((0.25, [[0.75, 0.75], [0, 0.75]]), (1.0, [[0, 0], [0, 0.75]])):
+        flow = field.at(end - before * step, latitude, longitude)
+        assert flow == pytest.approx(np.array(expected), abs=1e-3)
+
+
 @pytest.mark.parametrize(("field", "most"), [(shear, 0.005), (eddy, 0.01)])
 def test_particles_follow_the_exact_tracks(field, most, tmp_path):
     """Both fields are linear, so the mean of the particles drifts as a single one would."""

@@ -19,6 +19,7 @@ from test_track_files import NOON, write
 
 from DroneSwarmSearch import Scenario, leeway
 from DroneSwarmSearch.cli import main
+from DroneSwarmSearch.commands.plan import summary
 from DroneSwarmSearch.drift.leeway import KNOT, current_towards, wind_from
 from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.evaluation import evaluate
@@ -320,6 +321,18 @@ def test_the_second_sortie_begins_with_the_posterior_of_the_first(plan):
     second = again.plan()
     assert second.probability_of_success < plan.probability_of_success
     assert found(second) == pytest.approx(second.probability_of_success, abs=0.015)
+
+
+def test_a_plan_says_what_a_drone_an_hour_or_the_wind_would_change(plan, monkeypatch):
+    tried: list[dict[str, Any]] = []
+    monkeypatch.setattr(FlightPlan, "with_changes", lambda self, **to: tried.append(to) or plan)
+    line = (
+        "One more drone: +0 points. Half an hour more: +0 points. A wind 5 kn stronger: +0 points."
+    )
+    assert line in " ".join(summary(plan).split())
+    drone, hour, wind = tried
+    assert drone == {"drones": 3} and hour == {"endurance": 60 * 60}
+    assert wind["wind"] == pytest.approx(wind_from(300, 25 * KNOT))
 
 
 def test_an_incident_survives_its_file(plan, tmp_path):

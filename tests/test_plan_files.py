@@ -15,6 +15,7 @@ from fastkml.utils import find_all
 from pymavlink import mavwp
 
 from DroneSwarmSearch.incident import Incident, Waypoint, files, missions
+from DroneSwarmSearch.rendering.palette import drone_colour
 
 pytest.importorskip("cmaes")
 
@@ -86,6 +87,9 @@ def test_kml_is_valid_and_shows_flights_in_time(plan, folder):
             assert abs(mark.times.end.dt - end.time) < MILLISECOND
     lines = [style for each in flights for style in find_all(each.features[0], of_type=LineStyle)]
     assert len({line.color for line in lines}) == len(plan.flights)
+    for drone, line in enumerate(lines):
+        red, green, blue = drone_colour(drone)
+        assert line.color == f"ff{blue:02x}{green:02x}{red:02x}"
 
 
 def test_the_map_in_kml_lies_where_the_grid_does(plan, folder):
@@ -160,6 +164,7 @@ def test_missions_are_read_by_ground_stations(plan, tmp_path):
         home, take_off, speed, *points, back = [loader.wp(n) for n in range(loader.count())]
         assert [take_off.command, speed.command, back.command] == [22, 178, 20]
         assert speed.param2 == plan.incident.speed
+        assert not any((home.param1, home.param2, home.param3, home.param4))
         assert away((home.y, home.x), flight[0]) < 1e-6
         for point, waypoint in zip(points, flight[1:-1], strict=True):
             assert (point.command, point.frame, point.autocontinue) == (16, 3, 1)

@@ -122,6 +122,7 @@ def test_defaults_may_be_given_together_with_a_scenario():
 
 def test_the_success_rates_of_the_example_are_as_documented():
     env = DroneSwarmSearch.example()
+    assert (env.grid_size, env.n_drones, env.timestep_limit) == (15, 3, 60)
     env.reset(seed=0)
     assert not {*env.frame().drones} & {*env.scenario.person_initial_position}
     usual: dict[str, Any] = {"episodes": 1000, "progress": False}

@@ -231,6 +231,7 @@ def test_elements_released_over_some_hours(tmp_path):
     assert tracks == read(path, start=NOON + timedelta(hours=2))
     assert "from 2026-06-01T14:00:00+00:00" in repr(tracks)
     assert Tracks.from_dict(tracks.to_dict()) == tracks
+    assert "from 2026-06-01T13:00" in repr(read(write(tmp_path / "b.nc", RELEASED[:3])))
     with pytest.raises(ValueError, match=r"start at 2026-06-01 14:00:00\+00:00, when all are adr"):
         read(path, start=NOON)
     with pytest.raises(ValueError, match=r"adrift from 2026-06-01 14:00:00\+00:00\), got start=N"):

@@ -13,7 +13,8 @@ from DroneSwarmSearch.bound.trajectories import (
     enumerate_trajectories,
     sample_trajectories,
 )
-from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
+from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix, Tracks
+from DroneSwarmSearch.drift.models import drift_model
 
 
 class TestChernoff:
@@ -68,6 +69,15 @@ class TestTrajectories:
         for move, chance in ((1, right), (-1, left)):
             rate = float(np.mean(x[6, here] - x[5, here] == move))
             assert abs(rate - chance) < 4 * math.sqrt(chance * (1 - chance) / here.sum())
+
+    @pytest.mark.filterwarnings("ignore:3 tracks are few")
+    def test_those_of_tracks_that_part(self):
+        here, there = [(1.0, 1.0), (2.0, 1.0), (3.0, 1.0)], [(1.0, 1.0), (1.0, 2.0), (1.0, 3.0)]
+        apart = [(4.0, 4.0), (4.0, 3.0), (4.0, 3.0)]
+        tracks = Tracks(np.array([here, there, apart]).swapaxes(0, 1), [1, 2, 1])
+        cells, chances = enumerate_trajectories(drift_model(Person(tracks).drift, 6), 3)
+        assert cells.T.tolist() == [[7, 8, 9], [7, 13, 19], [28, 22, 22]]
+        assert chances == pytest.approx([0.25, 0.5, 0.25])
 
     MIXTURES = (
         [Drift((0, 1), diffusion=0.2), Drift((4, 2), vector=(-0.5, 0.3), diffusion=0.1, weight=3)],
