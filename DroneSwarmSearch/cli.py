@@ -215,7 +215,7 @@ def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
             add("--bound", action="store_true", help="also show the bound, and the share of it")
         count = "+" if name == "bound" else "*"
         add("searches", metavar="SEARCH", nargs=count, help=f"{SEARCH}, or all")
-        add("--mission", choices=MISSIONS, help="of all searches (default: that of each)")
+        add("--mission", choices=MISSIONS, help="of all searches (default: each search's own)")
     if name != "bound":
         add("--episodes", metavar="N", type=int, default=2000, help="per search (default: 2000)")
         add("--seed", metavar="S", type=int, default=0, help="of the first episode (default: 0)")

@@ -245,7 +245,7 @@ class DroneSwarmSearch(SearchSpaces):
         return Start(observe(self._names, cells, self._grid.positions, self._matrix, False, facts))
 
     def _resolved(self, given: dict[str, Any]) -> tuple[Scenario, Scenario, list[int]]:
-        """The parameters for all later episodes, those of this one, and the drones' cells."""
+        """The parameters of all later episodes and of this one, and the drones' cells."""
         cells, positions = list(range(self.n_drones)), given.pop("drones_positions", None)
         scenario = self._scenario
         if "vector" in given:

@@ -443,7 +443,7 @@ def test_a_missing_package_names_the_extra(monkeypatch):
         ({"object_class": "RAFT"}, "object_class must be a key of leeway.CLASSES, got 'RAFT'; the"),
         ({"start": "2026-03-01T05:00Z"}, "start must not be before time"),
         ({"base": (54.9, 7.85)}, "endurance must leave time to search, got 45 minutes without the"),
-        ({"wind": "300 60kn"}, "speed must be above that of the headwind, 39.8 m/s at the height"),
+        ({"wind": "300 60kn"}, "speed must exceed the headwind, 39.8 m/s at the height"),
         ({"drones": 0}, "drones must be an integer from 1 to 50, got 0"),
         ({"probability_of_detection": 1.2}, "probability_of_detection must be a finite number"),
         ({"endurance": "45"}, "endurance: a number and a unit (h, hr, hrs, hour, hours, min"),

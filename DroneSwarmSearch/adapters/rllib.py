@@ -115,8 +115,8 @@ def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
 
     ``results["env_runners"]["success_rate"]`` is the fraction of the episodes since the last
     results that ended with success. If the infos hold it, "probability_of_success" is the mean at
-    the episodes' ends. With several env runners, both are means over the runners. `episode` is that
-    of one drone, or of all drones of a swarm, `metrics_logger` RLlib's.
+    the episodes' ends. With several env runners, both are means over the runners. RLlib
+    passes the `metrics_logger`, and the `episode` of one drone or of all drones of a swarm.
     """
     infos = episode.get_infos(-1)
     if "is_success" not in infos:  # a dict with the infos of every drone
@@ -131,8 +131,8 @@ def logits(
 ) -> Callable[[Mapping[str, Any]], NDArray[Any]]:
     """The masked network in a `checkpoint`, for `TrainedPolicy`.
 
-    ``Algorithm.save_to_path`` wrote the folder. `module_id` is the name of the RLModule; by
-    default, that of the single-agent path.
+    ``Algorithm.save_to_path`` wrote the folder. `module_id` is the name of the RLModule, by
+    default on the single-agent path.
     """
     learner = Path(checkpoint).absolute() / COMPONENT_LEARNER_GROUP / COMPONENT_LEARNER
     module = RLModule.from_checkpoint(learner / COMPONENT_RL_MODULE / module_id)

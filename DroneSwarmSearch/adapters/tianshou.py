@@ -62,7 +62,7 @@ class DroneVenv(BaseVectorEnv):
 
         Args:
             env_id: the sub-environments to reset, all or none of each swarm; by default, all.
-            keywords: `seed` (by default, that of `seed` counts once) and `options` of
+            keywords: `seed` (by default, once, that of the method `seed`) and `options` of
                 `DroneVectorEnv.reset`.
         """
         chosen = self._indices("env_id", env_id)
@@ -181,7 +181,7 @@ class MaskedActor(DiscreteActor):
 
 
 class MaskedCritic(DiscreteCritic):
-    """A critic that takes observations with masks; they play no part in the values."""
+    """A critic for observations with masks, which do not change the values."""
 
     def forward(
         self, obs: Any, state: Any = None, info: dict[str, Any] | None = None

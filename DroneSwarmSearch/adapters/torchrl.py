@@ -105,7 +105,7 @@ class SearchEnv(EnvBase):
         seed: as for `set_seed`.
         device: of the tensors. The searches themselves run on the CPU.
         keywords: `shared_reward`, `top_cells`, `right_of_way`, `separate_flags`, `reward_scale`
-            and those from `grid_size` on of `DroneVectorEnv`.
+            and the arguments of `DroneVectorEnv` from `grid_size` on.
 
     Attributes:
         n_drones: the drones in each swarm.

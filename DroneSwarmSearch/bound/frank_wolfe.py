@@ -2,8 +2,8 @@
 
 It maximises a function over the mixtures of what an oracle can return (M. Frank and P. Wolfe,
 Naval Research Logistics Quarterly 3:95, 1956), moving towards the oracle's best response to the
-gradient. The maximum of a tangent bounds that of the function; less the value, that is the
-duality gap.
+gradient. The maximum of a tangent is an upper bound on the function; the duality gap is this bound
+less the value.
 """
 
 from __future__ import annotations

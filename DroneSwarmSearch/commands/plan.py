@@ -128,7 +128,7 @@ def _check_file(path: Path) -> None:
 def summary(plan: FlightPlan) -> str:
     """One screen: what the plan finds and when, the orders, what more would bring, what it assumes.
 
-    What more would bring is that of quick plans, which begin with this one's patterns.
+    What more would bring comes from quick plans, which begin with the patterns of this one.
     """
     incident, scene = plan.incident, plan.on_scene
     times = {minute: scene + timedelta(minutes=minute) for minute in MINUTES}

@@ -114,8 +114,8 @@ def _leaving(dx: int, dy: int) -> tuple[Any, ...]:
 
 
 SHIFTS = tuple((_leaving(dx, dy), _leaving(-dx, -dy)) for dx, dy in MOVES)
-"""For each move, as indices of arrays (..., y, x): the cells that a drone can leave, and those in
-which it then arrives."""
+"""For each move, as indices of arrays (..., y, x): the cells that a drone can leave, and the
+cells in which it then arrives."""
 
 
 @lru_cache(maxsize=256)

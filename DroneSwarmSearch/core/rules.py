@@ -13,8 +13,8 @@ this one; L: timestep_limit; p: what the matrix that it observed holds for its c
 | anything else                                       | 1                               |
 
 With `RewardScheme.expected_finds`, a search pays `find` times the probability of success (POS)
-that it adds, and times that of the person being alive (`Person.survival`), whether or not it finds
-a person, and the line on the time limit does not apply.
+that it adds, and times the probability that the person is alive (`Person.survival`), whether or not
+it finds a person, and the line on the time limit does not apply.
 
 All drones act at once, so a search counts even if another drone flies into the searcher: the
 person is found, although the searcher gets the reward of the collision.

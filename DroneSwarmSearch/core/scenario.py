@@ -199,7 +199,7 @@ class Scenario:
     def mass_beyond_grid(self, step: int) -> float:
         """The probability that a person would be beyond the grid if the drift went on there.
 
-        It is that of the worst person. Above 1% within the time limit, the grid is too small for
+        The maximum over all persons. Above 1% within the time limit, the grid is too small for
         the drift.
         """
         beyond: float = max(

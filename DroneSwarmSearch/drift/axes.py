@@ -18,7 +18,7 @@ the target's G, clipped to what can be reached from step t:
 By Strassen's theorem (1965), a person who moves at most one cell per step can have the
 distribution F_t at every t if and only if these bounds hold. The moves that achieve it are a
 net flow J(x) = F_t(x) - F_{t+1}(x) across each edge, plus a symmetric exchange between
-neighbouring cells, with which the path is that of a Brownian motion, see `_exchange_rate`.
+neighbouring cells, which makes the path a Brownian motion, see `_exchange_rate`.
 """
 
 from __future__ import annotations
@@ -156,8 +156,8 @@ def _exchange_rate(diffusion: Array, shift: Array) -> Floats:
 def _moves_between(before: Floats, after: Floats, rate: Floats) -> tuple[Floats, Floats, Floats]:
     """The moves between F now and F a step later, padded with F(-1) = 0 and F(N) = 1: (N + 2, ...).
 
-    Returns the probability of each cell, and those of a move to the next higher and to the next
-    lower cell, given the cell: (N, ...) each.
+    Returns the probability of each cell, and given the cell, of a move to the next higher and to
+    the next lower one: (N, ...) each.
     """
     probability = np.diff(before[:-1], axis=0)
     # The net flow across the edges from -1|0 to N-1|N; it is 0 at the outer ones.
@@ -178,7 +178,7 @@ class Steps(NamedTuple):
     """The forecasts of K persons with M hypotheses each over n consecutive steps.
 
     Attributes:
-        factors: each hypothesis' probabilities of columns, and those of rows times its weight:
+        factors: each hypothesis' probabilities of the columns, and of the rows times its weight:
             (n, K, M, 2, N).
         moves: see `all_moves`: (3, n, K, M, 2, N).
         joint: the probability of each state: (n + 1, K, M, N, N); None if no start is an array.

@@ -1,8 +1,8 @@
 """The drift model of tracks: a Markov chain whose probabilities are counted from them.
 
 Track p has the weight w_p, and is in the state s_p(t) at step t: a part of a cell, and a class that
-never changes. With n_t(s), the weight of the tracks in s at t, and N_t(s, s'), that of those in s
-at t and in s' at t + 1, the person is the Markov chain
+never changes. With n_t(s), the weight of the tracks in s at t, and N_t(s, s'), the weight of the
+tracks in s at t and in s' at t + 1, the person is the Markov chain
 
     P(S_0 = s) = n_0(s),    P(S_{t+1} = s' | S_t = s) = N_t(s, s') / n_t(s).
 
@@ -141,7 +141,7 @@ class Chain(DriftModel):
     # Counting.
 
     def transitions(self, step: int) -> _Transitions:
-        """The table of a step, counted on first use; that of the last one leads to itself."""
+        """The table of a step, counted on first use; in the last one, states stay."""
         step = min(step, self._tracks.steps)
         if step not in self._steps:
             self._steps[step] = self._counted(step)

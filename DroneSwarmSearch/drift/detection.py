@@ -54,8 +54,8 @@ def definite_range(coverage: Number) -> Number:
 def coverage(sweep_width: Number, speed: Number, time: Number, area: Number) -> Number:
     """The coverage of an area: sweep width times speed times time, over the area.
 
-    One search of a cell lasts one step, so that of a cell of 130 m that a drone crosses at
-    10 m/s with a sweep width of 100 m is ``coverage(100, 10, 13, 130**2)``, 0.77.
+    A search of a cell lasts one step. For a cell of 130 m that a drone crosses at 10 m/s with a
+    sweep width of 100 m, the coverage is ``coverage(100, 10, 13, 130**2)``, 0.77.
 
     Args:
         sweep_width: effective sweep width of the sensor for the object, in metres, at least

@@ -133,7 +133,7 @@ class Drift:
     def spread(self, step: int) -> Floats:
         """The mean (x, y) and the standard deviations (x, y) at a step: float64, (2, 2).
 
-        On a grid without borders. If the start is an array, the mean is that of the shift.
+        On a grid without borders. If the start is an array, they describe the displacement from it.
         """
         tau = np.array(self.adrift + step, np.float64)
         start = self.start if self.prior is None else 0.0

@@ -25,7 +25,7 @@ TOLERANCE = 0.1  # points between a claimed success and the interval of the reru
 
 @dataclass(frozen=True, eq=False)
 class Leaderboard:
-    """Policies evaluated on searches, search by search; what is sampled, in the same episodes."""
+    """Policies evaluated on searches, search by search; samples are of the same episodes."""
 
     evaluations: Sequence[Evaluation]
 
@@ -100,7 +100,7 @@ def leaderboard(
     bounds: bool = True,
     progress: bool = True,
 ) -> Leaderboard:
-    """Evaluate policies on searches; what is sampled, in the same episodes.
+    """Evaluate policies on searches; samples are of the same episodes.
 
     Args:
         policies: names of policies of this package; None for all.

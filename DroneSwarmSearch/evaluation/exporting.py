@@ -50,14 +50,14 @@ def export(
       "drones", "metres_per_cell" and "seconds_per_step", which are null without a `Scale`.
     - "maps": every different map of the file. "count" is their number, "maxima" the probabilities
       of their likeliest cells. "data" holds all cells in percent of this maximum, as Base64 of
-      zlib of uint8, shape (cells, count); each value is the difference, modulo 256, from that of
-      the map before it, the first from zero.
+      zlib of uint8, shape (cells, count); each value is the difference, modulo 256, from the
+      previous map, for the first map from zero.
     - "episodes": a list of objects, by policy, then by seed:
 
       - "policy", "seed", "steps"; "ending": the name of the `Ending` in lower case.
       - "actions": a string for each drone, with the number of an `Action` for each step.
-      - "persons": for each, their "cells" until they are found, the last one being that of the
-        find, or the episode ends; and the number of the drone that found them, "found_by", or null.
+      - "persons": for each, their "cells" until the episode ends or they are found, in the last
+        one; and the number of the drone that found them, "found_by", or null.
       - "success": the probability of success of all searches so far, to four decimals.
       - "returns": the sum of all drones' rewards so far, to one decimal.
       - "prior", "posterior": the number of a map for each step, of the missing persons.

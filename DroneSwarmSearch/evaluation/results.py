@@ -222,8 +222,8 @@ class Comparison:
 def compare(first: Evaluation, second: Evaluation) -> Comparison:
     """Compare two policies on one search; one may have seen the prior and the other the posterior.
 
-    Differences of exact values are exact; if one is, the interval is that of the other. Two samples
-    use common random numbers, so Hall's interval for their paired differences is narrow.
+    Differences of exact values are exact. If one value is exact, the other gives the interval. Two
+    samples use common random numbers, so Hall's interval for their paired differences is narrow.
 
     Raises:
         ValueError: they are of different searches; or of different episodes, and not both exact.

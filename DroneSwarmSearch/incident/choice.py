@@ -155,7 +155,7 @@ class Area:
         if np.isnan(both_ways):
             blows = float(np.hypot(*wind)[0])
             return (
-                f"speed must be above that of the headwind, {blows:.1f} m/s at the height of the "
+                f"speed must exceed the headwind, {blows:.1f} m/s at the height of the "
                 f"flight, got {drone.airspeed:g} m/s: use drones of {blows / (1 - SLOWEST):.0f} "
                 "m/s, fly lower, or wait until there is less wind"
             )

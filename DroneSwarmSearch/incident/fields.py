@@ -49,7 +49,7 @@ class Field:
         model: its title, or else its name.
         times: in seconds since 1970, increasing: float64, (T,).
         latitudes: in degrees, increasing: float64, (Y,).
-        longitudes: in degrees, increasing, around that of the position: float64, (X,).
+        longitudes: in degrees, increasing, on both sides of the position: float64, (X,).
         values: to the east and to the north in m/s, and 1; all 0 where nothing is known, on land:
             float32, (T, Y * X, 3).
     """

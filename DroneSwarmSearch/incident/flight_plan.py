@@ -27,7 +27,7 @@ class FlightPlan(PlannedFlights):
 
     Attributes:
         incident: the incident.
-        patterns: that of each drone.
+        patterns: one for each drone.
         flights: the waypoints of each drone, in the order of their times.
         guesses: the patterns relative to the area.
     """

@@ -125,7 +125,7 @@ def drift(
     """Simulate persons from the last known position on, at time 0 and (0, 0).
 
     The Leeway model of Breivik and Allen (2008), as `leeway` describes it, in each particle's own
-    wind: an object's errors are its own for life, and so are those of wind and current. Turbulence
+    wind: an object's errors, and those of its wind and current, never change. Turbulence
     is a random walk. Who comes to land stays there. A step takes the velocity at its middle, where
     the last step's velocity leads.
 
@@ -139,8 +139,8 @@ def drift(
         n: the number of particles.
         seed: of the random numbers.
         position_sd: the standard deviation of the start along each axis, in metres.
-        wind_error: that of the wind along each axis, in m/s.
-        current_error: that of the current along each axis, in m/s.
+        wind_error: the standard deviation of the wind along each axis, in m/s.
+        current_error: the standard deviation of the current along each axis, in m/s.
     """
     rng = np.random.default_rng(seed)
     place = rng.normal(0.0, position_sd, (2, n))

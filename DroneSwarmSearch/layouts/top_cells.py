@@ -15,7 +15,7 @@ _HALF = np.uint64(32)
 
 
 class TopCellsLayout(Layout):
-    """The layout of `wrappers.TopCellsObservation`; `name` is that of `k` in errors."""
+    """The layout of `wrappers.TopCellsObservation`; errors call `k` by `name`."""
 
     def __init__(self, grid_size: int, n_drones: int, k: int = 8, *, name: str = "k") -> None:
         super().__init__(grid_size, n_drones)

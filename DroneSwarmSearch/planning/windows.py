@@ -74,7 +74,7 @@ class TargetWindow:
     fractions missed are indexed [step, layer, box, candidate, y, x], with one candidate at first.
 
     Args:
-        passes: those of the plan.
+        passes: the passes of the plan.
         begin: the first step.
         steps: the number of steps, L.
         boxes: the boxes.
@@ -128,9 +128,9 @@ class TargetWindow:
     def gains(self, boxes: Boxes) -> Floats:
         """What one search of each cell gains in each step: (2, L, K, candidates, h, w).
 
-        The second gains are those right after a search of the same cell, if as many persons as
-        possible have stayed there. The cells are those of smaller boxes, each within one of the
-        window.
+        The second gains are for a search right after another one in the same cell, if as many
+        persons as possible have stayed there. The boxes of the cells are smaller, each within one
+        of the window.
         """
         stayed = np.zeros_like(self._masses)
         np.minimum(self._masses[:-1], self._masses[1:], out=stayed[1:])
@@ -181,7 +181,7 @@ class TargetWindow:
         return gained * self._target.detection
 
     def _indices(self, cells: Ints, searches: Flags) -> list[tuple[Any, ...]]:
-        """The index of the searched states in each step, given those of `add`."""
+        """The index of the searched states in each step, given the arguments of `add`."""
         size, places = self._target.chain.grid_size, self._target.chain.places
         y, x = np.divmod(cells if self._matrices else places[cells], size)
         if self._matrices:

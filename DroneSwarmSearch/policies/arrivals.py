@@ -223,7 +223,7 @@ class Arrivals:
     def _on_each_side(self, values: Singles, x: Integers, y: Integers, reduce: Any) -> Singles:
         """The maximum or sum (`reduce`) on each drone's side of each direction, and in its cell.
 
-        The values are those of each cell to each drone, shape (drones, N, N), at least 0.
+        The values of each cell to each drone have the shape (drones, N, N) and are at least 0.
         """
         columns, rows = reduce(values, axis=1), reduce(values, axis=2)
         parts = [

@@ -16,7 +16,7 @@ def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cel
 
     Drones that exchange cells or rotate in a ring always move; if one of them gave way, they would
     block each other forever. Of other drones that want the same cell, the first moves. A drone
-    stays if the cell it wants is that of a drone that stays; drones may follow one another.
+    stays if another drone stays in the cell that it wants; drones may follow one another.
     """
     rings = _in_rings(cells, wanted)
     order = [*rings, *(drone for drone in range(len(cells)) if drone not in rings)]

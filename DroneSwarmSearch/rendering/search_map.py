@@ -42,7 +42,7 @@ SHARED_SIZE, SHARED_LEAST, APART_SHARE, APART_LEAST = 0.54, 20, 0.27, 9
 RING_SIZE, RING_MARGIN = 1.2, 8  # of a search ring: in relation to its drone, and at least larger
 HALO_SIZE = 1.85  # of the disc behind the drone that you fly, in relation to it
 COLLISION_SIZE = 2.5  # of the star of a collision, in relation to a drone
-TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 4, 230  # width, least width, that of the last move
+TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 4, 230  # width; least width; last move
 SEARCHED_SHARE, SEARCHED_LEAST = 0.25, 6  # of the mark of a search
 FADES = 6  # the opacities of marks that fade
 Places = Sequence[Sequence[float]]
@@ -52,7 +52,7 @@ Sprite = tuple[pygame.Surface, Pair]  # an image and the place of its middle
 class SearchMap:
     """Draws the map of one grid size on surfaces of its `size`, margins included.
 
-    `side` is that of all cells together, about the argument, so that cells have whole pixels.
+    `side` is the width of all cells together, near the argument, so that cells have whole pixels.
     """
 
     def __init__(self, grid_size: int, look: Look, *, side: int = 720) -> None:

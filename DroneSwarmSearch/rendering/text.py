@@ -115,7 +115,7 @@ def _joined(parts: Iterable[str], columns: int) -> list[str]:
 
 
 def _tokens(frame: Frame, side: int) -> dict[tuple[int, int], str]:
-    """What is at each place of the map, which has `side` cells along a side."""
+    """The text at each place of the map, which stands for `side` x `side` cells."""
     drones, persons = (
         [(x // side, y // side) for x, y in cells] for cells in (frame.drones, frame.persons)
     )

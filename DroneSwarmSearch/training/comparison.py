@@ -35,7 +35,7 @@ def compare_with_baselines(
         parameters: those of `DroneSwarmSearch`, and optionally "drones_positions"; or a task, in
             whose held-out searches `random` and `greedy-matrix` are the baselines.
         view: what the policy sees and returns, as for `evaluate`.
-        episodes: number of episodes; at least 1. Those of a task are 500.
+        episodes: number of episodes; at least 1. A task has 500.
         name: the policy's name in the table.
         folder: evaluation.csv is written there, one row per policy; search.json, which the
             commands read as a search; and video.gif, the episode with seed 0. If `policy` is a

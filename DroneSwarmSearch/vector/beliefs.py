@@ -21,9 +21,9 @@ _LEAST_ROWS, _MOST_ROWS = 64, 1024  # the fewest and the most rows in a tile
 class Beliefs:
     """The beliefs about every row's persons, each of the shape (M, L) of the forecasts' mass.
 
-    Every person's belief is that of a person who has not been found, even after the find. The
-    rows are the last axis, because each has its own moves. They are divided into tiles that fit
-    into the cache: row i is column i % width of tile i // width.
+    A belief assumes that the person has not been found, even after the find. The rows are the
+    last axis, because each has its own moves. They are divided into tiles that fit into the
+    cache: row i is column i % width of tile i // width.
 
     Attributes:
         forecasts: where the persons may be; `entries` are the current ones of each person in each
@@ -165,7 +165,7 @@ class Beliefs:
     def added_success(self, rows: Ints, cells: Ints, worths: Floats) -> Floats:
         """What each search adds to it, as if it were its row's only one: float64, (n,).
 
-        `worths` are each person's probability of detection times that of being alive: (persons, n).
+        `worths`, (persons, n), are each person's probability of detection times that of survival.
         """
         added = self.failure[:, rows] * worths * np.array(self._at(rows, cells))
         return means_over_missing(added, np.ones(added.shape, np.bool_))

@@ -390,7 +390,7 @@ class SearchBatch:
     def probability_of_failure(self) -> Floats | None:
         """The probability that no search so far finds each person: float64, (E, persons).
 
-        That of a person who has been found is meaningless. None unless beliefs are kept, see
+        It means nothing for a person who has been found. None unless beliefs are kept, see
         `probability_of_success`.
         """
         beliefs = self._world.beliefs

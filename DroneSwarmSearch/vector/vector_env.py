@@ -223,7 +223,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     def action_masks(self, right_of_way: bool | None = None) -> Flags:
         """The valid actions of every sub-environment, see `wrappers.action_masks`.
 
-        By default, `right_of_way` is that of the environment.
+        By default, `right_of_way` is as in the constructor.
 
         Returns:
             bool, True where allowed, shape (num_envs, 6) in a `DroneVectorEnv`, indexed by

@@ -185,7 +185,7 @@ class BatchState:
         return self.catalogue.detections.take(self.situation.take(rows), axis=1)
 
     def all_found(self, rows: Ints) -> Ints:
-        """Those of some rows in which all persons have been found."""
+        """Some of the rows: in which all persons have been found."""
         found: Ints = rows[~self.missing[:, rows].any(axis=0)]
         return found
 
