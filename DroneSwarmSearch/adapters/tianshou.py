@@ -97,7 +97,7 @@ class DroneVenv(BaseVectorEnv):
         return own, rewards[chosen], terminated, truncated, _infos(infos, chosen)
 
     def seed(self, seed: int | list[int] | None = None) -> list[list[int] | None]:
-        """Seed the next reset: the first swarm, whose successors get consecutive seeds."""
+        """Seed the next reset: the first swarm gets the seed, the others the next integers."""
         self._seed = seed[0] if isinstance(seed, list) else seed
         return [None if self._seed is None else [self._seed]] * self.env_num
 

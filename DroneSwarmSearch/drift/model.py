@@ -137,7 +137,7 @@ class DriftModel(ABC):
 
     @abstractmethod
     def backward(self, value: Floats, step: int) -> Floats:
-        """The expected value before a step, given that after it."""
+        """The expected value before a step, given the expected value after it."""
 
     def drift(self, mass: Floats, step: int) -> Floats:
         """`forward` of a single belief, in arithmetic that does not depend on the batch."""

@@ -172,7 +172,7 @@ def choose(
     """Choose patterns, drone after drone, once on each area.
 
     Args:
-        areas: the same one with different particles.
+        areas: the area to search, with different particles in each element.
         near: patterns of the first drones to begin with.
         report: is told the share of the work that is done.
 

@@ -57,7 +57,7 @@ class View:
         return self.right_of_way if self.action_mask else None
 
     def over(self, other: View) -> View:
-        """The other view, with the attributes of this one that differ from their defaults."""
+        """The other view, but with those attributes of this one that differ from their defaults."""
         values = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
         return replace(
             other, **{name: own for name, (own, usual) in values.items() if own != usual}
