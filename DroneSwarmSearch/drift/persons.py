@@ -97,7 +97,7 @@ def warn_of_mass_beyond(
     last = checks.integer("timestep_limit", timestep_limit, 1, checks.LARGEST_EXACT)
     steps = {round(last * part / 32) for part in range(33)}  # a forecast comes and goes smoothly
     # Tracks warn when a model is made of them.
-    drifting = [person.drift for person in persons if isinstance(person.drift, Hypotheses)]
+    drifting = [person.drift for person in persons if not isinstance(person.drift, TrackDrift)]
     every = [(drift.mass_beyond(grid_size, step), -step) for drift in drifting for step in steps]
     beyond, step = max(every, default=(0.0, 0))
     if beyond > 0.01:
