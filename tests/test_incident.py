@@ -329,7 +329,8 @@ def test_a_plan_says_what_a_drone_an_hour_or_the_wind_would_change(plan, monkeyp
     line = (
         "One more drone: +0 points. Half an hour more: +0 points. A wind 5 kn stronger: +0 points."
     )
-    assert line in " ".join(summary(plan).split())
+    text = summary(plan)
+    assert line in " ".join(text.split()) and max(map(len, text.splitlines())) == 79
     drone, hour, wind = tried
     assert drone == {"drones": 3} and hour == {"endurance": 60 * 60}
     assert wind["wind"] == pytest.approx(wind_from(300, 25 * KNOT))

@@ -140,6 +140,8 @@ def test_the_start_must_fit_on_the_grid():
 def test_a_known_drift_leaves_the_grid_at_its_edge():
     drift = Drift((5, 5), vector=(0.5, 0))
     assert [drift.mass_beyond(7, step) for step in range(5)] == [0, 0, 0, 1, 1]
+    drift = Drift((1, 1), vector=(-0.5, 0))
+    assert [drift.mass_beyond(7, step) for step in range(5)] == [0, 0, 0, 0, 1]
     assert Drift((5, 5), vector=(1e308, 0), adrift=9).mass_beyond(7, 9) == 1
 
 
@@ -183,6 +185,7 @@ def test_the_share_beyond_the_grid_is_a_mean_over_priors_and_hypotheses():
     there_and_back = Drift((1, 1), start_sd=0.1, vector=[(1, 0)] * 4 + [(-1, 0)] * 4 + [(0, 0)])
     shares = [there_and_back.mass_beyond(3, step) for step in (0, 4, 8, 99)]
     assert shares == pytest.approx([0, 1, 0, 0], abs=1e-5)
+    assert Person(Drift((1, 1), vector=[(1, 0), (-1, 0)])).drift.vector == (1, 0)
 
 
 DRIFTS: list[tuple[dict[str, Any], type[Exception], str]] = [

@@ -125,6 +125,7 @@ def test_forms_copies_and_files_are_equal(form):
         ([], ValueError, r"got an array of shape \(0,\)"),
         ([[1, 0.5]], ValueError, r"got an array of shape \(1, 2\)"),
         ([1.0, 1.5], ValueError, "from 0 to 1, none above the one before, got 1.5 at step 1"),
+        ([1.2, 1.1], ValueError, "got 1.2 at step 0"),
         ([1.0, -0.1], ValueError, "got -0.1 at step 1"),
         ([math.nan], ValueError, "got nan at step 0"),
         ([0.5, 0.4, 0.45], ValueError, "got 0.45 at step 2"),
