@@ -139,8 +139,8 @@ def drift(
         n: the number of particles.
         seed: of the random numbers.
         position_sd: the standard deviation of the start along each axis, in metres.
-        wind_error: the standard deviation of the wind along each axis, in m/s.
-        current_error: the standard deviation of the current along each axis, in m/s.
+        wind_error: the standard deviation of the wind's error along each axis, in m/s.
+        current_error: the standard deviation of the current's error along each axis, in m/s.
     """
     rng = np.random.default_rng(seed)
     place = rng.normal(0.0, position_sd, (2, n))
