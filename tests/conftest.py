@@ -9,7 +9,7 @@ from hypothesis import settings
 # Tests run in parallel processes, whose BLAS threads would only compete. NumPy reads this once.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from DroneSwarmSearch.incident import choice, planned_flights
+from DroneSwarmSearch.incident import choice, flight_plan, planned_flights
 from DroneSwarmSearch.planning import joint_plan
 
 # The same examples in each run; `--hypothesis-profile explore` draws others, and more of them.
@@ -30,9 +30,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 QUICK = {
     (joint_plan, "ENOUGH"): 1,
     (choice, "GENERATIONS"): 3,
-    (planned_flights, "FIGURES"): 10_000,
+    (flight_plan, "MANY"): 2_000,
+    (planned_flights, "FIGURES"): 4_000,
 }
-GOOD = {(joint_plan, "ENOUGH"): 40, (planned_flights, "FIGURES"): planned_flights.FIGURES}
+GOOD = {
+    (joint_plan, "ENOUGH"): 40,
+    (flight_plan, "MANY"): flight_plan.MANY,
+    (planned_flights, "FIGURES"): planned_flights.FIGURES,
+}
 """Little work of the planners, and work that suffices for small searches and exact figures."""
 
 

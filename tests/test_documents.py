@@ -61,7 +61,8 @@ TIMEOUT = 120.0  # seconds for a command; code blocks with an RL library get fiv
 
 @pytest.fixture(autouse=True)
 def quick_bounds(monkeypatch):
-    """Let bounds take little work: drones without memory, and few iterations."""
+    """Let bounds take little work: few trajectories and iterations, and drones without memory."""
+    monkeypatch.setattr(bound, "SAMPLE", 2**14)
     monkeypatch.setattr(bound, "WORK", 0.0)
     monkeypatch.setattr(bound, "MOST_WORK", 0.0)
     monkeypatch.setattr(bound, "ITERATIONS", 20)
