@@ -37,13 +37,6 @@ def test_every_trained_policy_has_a_curve_and_nothing_else_does():
         assert float(RUNS[key]["steps"]) <= steps < 1.02 * float(RUNS[key]["steps"])
 
 
-def test_greedy_search_finds_what_the_table_says():
-    for name in ("small", "medium"):
-        success = float(RUNS["greedy-matrix", name, ""]["success"])
-        found = TASKS[name].evaluate("greedy-matrix").success.value
-        assert found == pytest.approx(success, abs=1e-3)  # other versions of NumPy break other ties
-
-
 def test_the_interquartile_mean_leaves_a_quarter_out_on_each_side():
     runs = np.array([9.0, 1.0, 2.0, 4.0, 100.0])
     mean, low, high = algorithms.interval([runs])
