@@ -42,7 +42,7 @@ def test_the_matrix_is_the_histogram_of_the_tracks(seed, fine, classes, size, is
     tracks = Tracks(
         moves.cumsum(axis=0).clip(-0.4, size - 0.6), rng.random(50) if is_weighted else None
     )
-    assert tracks.lost == 0
+    assert (tracks.stranded, tracks.lost) == (0, 0)
     model = drift_model(Person(tracks, fine=fine, classes=classes).drift, size)
     mass, value = model.joint(0), rng.random(model.state_shape)
     for step in range(9):  # the tracks have 7 steps
