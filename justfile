@@ -60,8 +60,8 @@ suite:
     python docs/make_suite.py
 
 # regenerate the golden traces; review the diff
-golden:
-    python tests/golden/regenerate.py
+golden *options:
+    python tests/golden/regenerate.py {{ options }}
 
 # regenerate the leaderboard; takes half an hour, or less if it was interrupted
 leaderboard *options:

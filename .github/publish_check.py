@@ -37,6 +37,7 @@ def checks(root: Path = ROOT) -> dict[str, bool]:
 
     version = found(r'^__version__ = "(.+)"$', "DroneSwarmSearch/__init__.py")
     date = found(rf"^## {re.escape(version)} \((\d{{4}}-\d\d-\d\d)\)$", "CHANGELOG.md")
+    (module,) = (root / "DroneSwarmSearch").glob("drone_swarm_search_v*.py")
     git = ("git", "tag", "--points-at", "HEAD")
     tags = subprocess.run(git, cwd=root, capture_output=True, text=True, check=False).stdout
     return {
@@ -49,6 +50,9 @@ def checks(root: Path = ROOT) -> dict[str, bool]:
         and found('^date-released: "(.+)"$', "CITATION.cff") == date,
         "README.md: the year of that date in the BibTeX": date != ""
         and found(r"^ +year += \{(.+)\},$", "README.md") == date[:4],
+        f"tests/golden/released.txt: episodes of {module.stem}, `just golden --release`": bool(
+            found(rf"^({module.stem}) ", "tests/golden/released.txt")
+        ),
         f"git: the tag v{version} on this commit": f"v{version}" in tags.split(),
     }
 

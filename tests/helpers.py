@@ -7,7 +7,7 @@ import pickle
 import random
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -18,7 +18,7 @@ import pytest
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Tracks, cli
 from DroneSwarmSearch.core.frame import Frame
-from DroneSwarmSearch.evaluation import Episodes, Evaluation, NamedSearch, View, recording
+from DroneSwarmSearch.evaluation import Episodes, Evaluation, View, recording
 from DroneSwarmSearch.planning import SuccessBound
 
 TWO_DRONES: dict[str, Any] = {
@@ -33,16 +33,7 @@ TWO_DRONES: dict[str, Any] = {
 """A search with short episodes, of which random actions end many with a find or a crash."""
 
 
-def wandering(
-    count: int,
-    steps: int,
-    *,
-    start: tuple[float, float],
-    drift: tuple[float, float] = (0.0, 0.0),
-    sd: float = 0.3,
-    weights: Any = None,
-    size: int = 5,
-) -> Tracks:
+def wandering(count, steps, *, start, drift=(0.0, 0.0), sd=0.3, weights=None, size=5):
     """Tracks that drift and diffuse on a small grid, whose border they do not cross."""
     moves = np.random.default_rng(1).normal(drift, sd, (steps + 1, count, 2)).clip(-1, 1)
     moves[0] = start + np.random.default_rng(2).normal(0, 0.5, (count, 2)).clip(-1, 1)
@@ -100,16 +91,16 @@ def without_history(frame: Frame) -> dict[str, Any]:
 
 
 def make_frame(
-    grid_size: int = 7,
+    grid_size=7,
     *,
-    drones: tuple[tuple[int, int], ...] = ((0, 0),),
-    searching: tuple[int, ...] = (),
-    persons: tuple[tuple[int, int], ...] = ((1, 1),),
-    found: tuple[int, ...] = (),
-    matrix: object = None,
-    ending: Ending | None = None,
-    step: int = 3,
-) -> Frame:
+    drones=((0, 0),),
+    searching=(),
+    persons=((1, 1),),
+    found=(),
+    matrix=None,
+    ending=None,
+    step=3,
+):
     """A frame; `searching` and `found` are indices, and drone 0 finds all persons.
 
     Without a matrix, cell (1, 1) has all the probability.
@@ -145,14 +136,7 @@ def inside(cell: tuple[int, int], grid_size: int) -> bool:
     return 0 <= cell[0] < grid_size and 0 <= cell[1] < grid_size
 
 
-def planned_actions(
-    plans: Sequence[Sequence[int]],
-    step: int,
-    drones: Sequence[tuple[int, int]],
-    missing: Sequence[tuple[int, int]],
-    grid_size: int,
-    rng: random.Random,
-) -> list[Action]:
+def planned_actions(plans, step, drones, missing, grid_size, rng):
     """Return the actions of a step; plans are intents, repeated cyclically."""
     taken = set(drones)
     actions = []
@@ -176,9 +160,7 @@ def planned_actions(
     return actions
 
 
-def careful_actions(
-    rng: random.Random, observations: Mapping[str, Any], grid_size: int
-) -> dict[str, int]:
+def careful_actions(rng, observations, grid_size):
     """Random actions that neither leave the grid nor collide."""
     cells = {name: seen["observation"][0] for name, seen in observations.items()}
     taken = set(cells.values())
@@ -194,9 +176,7 @@ def careful_actions(
     return actions
 
 
-def play_on(
-    env: DroneSwarmSearch, observations: Mapping[str, Any], rng: random.Random
-) -> list[Any]:
+def play_on(env, observations, rng):
     """Play to the end of the episode; returns everything observed, as plain data."""
     log = []
     while env.agents:
@@ -228,15 +208,7 @@ def bound_by_time(by_time: Any, *, gap: float = 0.0, confidence: float = 1.0) ->
     return SuccessBound(values, relaxed=float(values[-1]), gap=gap, confidence=confidence)
 
 
-def made_evaluation(
-    found_at: Any,
-    search: NamedSearch,
-    *,
-    policy: str = "mine",
-    seed: int = 0,
-    bound: float | None = None,
-    is_exact: bool = False,
-) -> Evaluation:
+def made_evaluation(found_at, search, *, policy="mine", seed=0, bound=None, is_exact=False):
     """A made-up evaluation in which the persons are found in these steps, or never for 0.
 
     The steps have the shape (n, persons); the bound grows in proportion to time.

@@ -1,7 +1,6 @@
 """Plain implementations of the observation layouts, number by number."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -12,9 +11,7 @@ TOP_CELLS = 8
 Cell = Sequence[int]
 
 
-def drone_by_hand(
-    layout: str, drone: int, positions: Sequence[Cell], matrix: np.ndarray, left: float
-) -> Any:
+def drone_by_hand(layout, drone, positions, matrix, left):
     """A drone's observation.
 
     Args:
@@ -35,9 +32,7 @@ def drone_by_hand(
     return top_cells(own, others, matrix, left)
 
 
-def swarm_by_hand(
-    layout: str, positions: Sequence[Cell], matrix: np.ndarray, left: float
-) -> np.ndarray:
+def swarm_by_hand(layout, positions, matrix, left):
     """A swarm's observation; arguments as above."""
     if layout == "flat":
         return flat(positions, matrix, left)
@@ -65,9 +60,7 @@ def planes(groups: Sequence[Sequence[Cell]], matrix: np.ndarray, left: float) ->
     return out
 
 
-def top_cells(
-    own: Cell, others: Sequence[Cell], matrix: np.ndarray, left: float, k: int = TOP_CELLS
-) -> np.ndarray:
+def top_cells(own, others, matrix, left, k=TOP_CELLS):
     size = len(matrix)
     x, y = own
     cells = [(column, row) for row in range(size) for column in range(size)]

@@ -1,6 +1,6 @@
 """Shared by the tests of planning: searches small enough for brute force, and paths in them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
 from typing import Any
@@ -93,9 +93,7 @@ def known(
     )  # fmt: skip
 
 
-def uncertain(
-    grid_size: int, drones: Sequence[Cell], steps: int, detection: float, *drifts: Drift
-) -> NamedSearch:
+def uncertain(grid_size, drones, steps, detection, *drifts):
     person = Person(drifts, detection)
     return search(drones, grid_size=grid_size, timestep_limit=steps, persons=person)
 
@@ -150,9 +148,7 @@ def forecast_of(of: NamedSearch, person: int = 0) -> ProbabilityMatrix:
     return of.scenario.forecasts()[person]
 
 
-def targets_of(
-    of: NamedSearch, tracker: BeliefTracker | None = None, worth: np.ndarray | None = None
-) -> list[Target]:
+def targets_of(of, tracker=None, worth=None):
     """The missing persons, from the current step to the last one; a find is worth 1 by default."""
     tracker = tracker or BeliefTracker(of.scenario)
     return [
@@ -166,9 +162,7 @@ def targets_of(
     ]
 
 
-def success_of(
-    of: NamedSearch, paths: Sequence[Path], tracker: BeliefTracker | None = None
-) -> list[float]:
+def success_of(of, paths, tracker=None):
     """The probability that drones on some paths find each missing person."""
     first = 0 if tracker is None else tracker.step
     return [
@@ -181,9 +175,7 @@ def observations(cells: Sequence[Cell], matrix: np.ndarray) -> dict[str, Any]:
     return {f"drone{i}": {"observation": (cell, matrix)} for i, cell in enumerate(cells)}
 
 
-def fly(
-    policy: Callable[..., Any], tracker: BeliefTracker, cells: Sequence[Cell], steps: int
-) -> list[Path]:
+def fly(policy, tracker, cells, steps):
     """Return the drones' paths over the next steps without a find, and update the tracker.
 
     Checks that every step is legal.
@@ -208,9 +200,7 @@ def paths_of(policy: SwarmPolicy, of: NamedSearch) -> list[Path]:
     return fly(policy, BeliefTracker(of.scenario), of.drones, of.scenario.timestep_limit)
 
 
-def found_in_each_step(
-    forecast: ProbabilityMatrix, detection: float, schedule: Sequence[Sequence[int]]
-) -> list[float]:
+def found_in_each_step(forecast, detection, schedule):
     """The probability that the searches of each step's cells find a person, by every trajectory."""
     cells, left = all_trajectories(forecast, len(schedule))
     found = []

@@ -1,8 +1,6 @@
 """Fields of current and wind: files of several conventions, land, and persons who drift in them."""
 
 import math
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -49,20 +47,20 @@ def strait(seconds: Any, latitude: Any, longitude: Any) -> Any:
 
 
 def write(
-    path: Path,
-    field: Callable[..., Any],
-    names: tuple[str, str] = CURRENT,
+    path,
+    field,
+    names=CURRENT,
     *,
-    points: int = 61,
-    middle: float = HERE[1],
-    order: tuple[str, ...] = ("time", "depth", "lat", "lon"),
-    level: tuple[str, Any] = ("depth", [0.5, 10.0, 50.0]),
-    backwards: bool = False,
-    circle: bool = False,
-    packed: bool = False,
-    seconds: str = "hours since 2026-03-01 00:00",
-    **attributes: str,
-) -> Path:
+    points=61,
+    middle=HERE[1],
+    order=("time", "depth", "lat", "lon"),
+    level=("depth", [0.5, 10.0, 50.0]),
+    backwards=False,
+    circle=False,
+    packed=False,
+    seconds="hours since 2026-03-01 00:00",
+    **attributes,
+):
     """Write a field on axes in some order; only its level nearest to the sea's surface is right."""
     axes = {
         "time": HOURS * (60 if seconds.startswith("min") else 1),

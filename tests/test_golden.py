@@ -1,7 +1,11 @@
 """Short named episodes, replayed and compared with their traces line by line."""
 
+import dataclasses
+from pathlib import Path
+
 import pytest
-from golden.regenerate import FOLDER, LETTERS, SCENARIOS, path_of, trace
+from golden import regenerate
+from golden.regenerate import FOLDER, ID, LETTERS, RELEASED, SCENARIOS, path_of, trace
 
 from DroneSwarmSearch import Action
 
@@ -18,7 +22,8 @@ def test_golden(name):
 
 
 def test_every_trace_has_a_scenario():
-    assert {path.stem for path in FOLDER.glob("*.txt")} == set(SCENARIOS)
+    traces = set(FOLDER.glob("*.txt")) - {RELEASED}
+    assert {path.stem for path in traces} == set(SCENARIOS)
 
 
 def test_the_scenarios_use_every_action_and_reach_every_ending():
@@ -34,3 +39,64 @@ def test_the_scenarios_use_every_action_and_reach_every_ending():
         "less than 1%",
     ):
         assert words in traces
+
+
+@pytest.fixture
+def other_folder(tmp_path, monkeypatch):
+    """A temporary folder of traces, with all scenarios released."""
+    monkeypatch.setattr(regenerate, "FOLDER", tmp_path)
+    monkeypatch.setattr(regenerate, "RELEASED", tmp_path / "released.txt")
+    monkeypatch.setattr(regenerate, "SCENARIOS", dict(SCENARIOS))
+    (tmp_path / "released.txt").write_text("drone_swarm_search_v999 find abc\n", encoding="utf-8")
+    regenerate.main([])
+    assert regenerate.released() == {}
+    regenerate.main(["--release"])
+    return tmp_path
+
+
+def change(name: str, **changes: object) -> None:
+    regenerate.SCENARIOS[name] = dataclasses.replace(SCENARIOS[name], **changes)
+
+
+def kept(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_released_episodes_are_unchanged():
+    assert regenerate.broken() == [], "see CONTRIBUTING.md, Versions"
+
+
+def test_unchanged_episodes_can_be_written_and_released_again(other_folder):
+    before = kept(other_folder)
+    assert set(before) == {f"{name}.txt" for name in SCENARIOS} | {"released.txt"}
+    assert all(before[f"{name}.txt"] == path_of(name).read_bytes() for name in SCENARIOS)
+    regenerate.main([])
+    regenerate.main(["--release"])
+    assert kept(other_folder) == before
+
+
+def test_changed_episodes_of_a_released_id_are_rejected(other_folder):
+    change("find", reset={"seed": 2})
+    regenerate.SCENARIOS.pop("persons")
+    before = kept(other_folder)
+    for arguments in ([], ["--release"]):
+        with pytest.raises(SystemExit, match=f"{ID} is released.*: find, persons") as refused:
+            regenerate.main(arguments)
+        assert '"Versions" in CONTRIBUTING.md' in str(refused.value)
+    assert kept(other_folder) == before
+
+
+def test_new_ids_scenarios_and_frames_are_allowed(other_folder, monkeypatch):
+    change("find", shows="Described in other words.")
+    regenerate.SCENARIOS["new"] = SCENARIOS["find"]
+    monkeypatch.setattr(regenerate, "framed", lambda env, frames: ["a map"] if frames else [])
+    regenerate.main([])
+    assert "a map" in (other_folder / "new.txt").read_text("utf-8")
+    assert set(regenerate.released()) == set(SCENARIOS)
+    regenerate.main(["--release"])
+    assert set(regenerate.released()) == {*SCENARIOS, "new"}
+
+    monkeypatch.setattr(regenerate, "ID", "drone_swarm_search_v1000")
+    change("find", reset={"seed": 2})
+    regenerate.main([])
+    assert "environment: drone_swarm_search_v1000" in (other_folder / "find.txt").read_text("utf-8")

@@ -1,8 +1,5 @@
 """The greedy policies: their choices, and their success in whole episodes."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import pytest
 from helpers import target_of
@@ -24,9 +21,7 @@ FAR = 0.1 / DISCOUNT**2
 """As good a probability as .1, two steps farther away."""
 
 
-def seen(
-    size: int, cells: list[tuple[int, int]], peaks: Mapping[tuple[int, int], float]
-) -> dict[str, Any]:
+def seen(size, cells, peaks):
     """Observations of drones in some cells, with a matrix of peaks at some (x, y)."""
     matrix = np.zeros((size, size), np.float32)
     for (x, y), probability in peaks.items():
@@ -35,9 +30,7 @@ def seen(
     return observations(cells, matrix)
 
 
-def choose(
-    size: int, cells: list[tuple[int, int]], peaks: Mapping[tuple[int, int], float]
-) -> list[Action]:
+def choose(size, cells, peaks):
     policy = GreedyPolicy(Scenario(grid_size=size, n_drones=len(cells)))
     return [Action(action) for action in policy(seen(size, cells, peaks)).values()]
 

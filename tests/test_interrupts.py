@@ -7,7 +7,7 @@ import copy
 import itertools
 import random
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -49,9 +49,7 @@ def interrupted(call: Callable[[], object], at: int) -> bool:
     return False
 
 
-def interruptions(
-    make: Callable[[], Any], call: Callable[[Any], object], stride: int
-) -> Iterator[Any]:
+def interruptions(make, call, stride):
     """Interrupt a call on new subjects at every `stride` instructions; yields the subjects."""
     for at in itertools.count(0, max(1, stride // COARSER)):
         subject = make()

@@ -1,7 +1,6 @@
 """Leeway: coefficients, velocities, and persons that drift like the full model."""
 
 import math
-from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -127,9 +126,7 @@ def test_metres_and_seconds_become_cells_and_steps():
     assert {drift.adrift for drift in person.drift.drifts} == {277}
 
 
-def drifted(
-    kind: leeway.ObjectClass, wind_at: Callable[[float], Any], hours: float, rate: float, count: int
-) -> np.ndarray:
+def drifted(kind, wind_at, hours, rate, count):
     """Positions (east, north) in metres of objects of the full model, in steps of six minutes."""
     rng = np.random.default_rng(7)
     errors = rng.normal(size=(2, count))  # for life

@@ -10,8 +10,8 @@ from DroneSwarmSearch.rendering.palette import DRONES, INK, PALETTES, WHITE, Loo
 
 Floats = NDArray[np.float64]
 
-LEAST = 15.0
-"""The least distance between two colours in CIELAB, CIE 1976; about 2.3 is just noticeable."""
+LEAST = 10.0
+"""The least difference between two colours, in CIEDE2000."""
 
 FIRST = range(6)
 """Drones whose colours are compared; the number tells others apart."""
@@ -64,8 +64,41 @@ def lab(colours: ArrayLike, sight: str) -> Floats:
 
 
 def difference(one: ArrayLike, other: ArrayLike) -> Floats:
-    """The distance between colours in CIELAB."""
-    return np.linalg.norm(np.subtract(one, other), axis=-1)
+    """CIEDE2000 between colours in CIELAB, by the formulas of Sharma, Wu and Dalal, 2005."""
+    (l1, a1, b1), (l2, a2, b2) = np.asarray(one).T, np.asarray(other).T
+    chroma = (np.hypot(a1, b1) + np.hypot(a2, b2)) / 2
+    more = 1.5 - np.sqrt(chroma**7 / (chroma**7 + 25.0**7)) / 2
+    c1, c2 = np.hypot(more * a1, b1), np.hypot(more * a2, b2)
+    h1, h2 = (np.degrees(np.arctan2(b, more * a)) for a, b in ((a1, b1), (a2, b2)))
+    turn = np.where(c1 * c2 == 0, 0.0, (h2 - h1 + 180) % 360 - 180)
+    hue = np.where(c1 * c2 == 0, h1 + h2, h1 + turn / 2)
+    light, chroma = (l1 + l2) / 2, (c1 + c2) / 2
+    waves = ((-0.17, 1, -30), (0.24, 2, 0), (0.32, 3, 6), (-0.20, 4, -63))
+    t = 1 + sum(size * np.cos(np.radians(n * hue + phase)) for size, n, phase in waves)
+    by_light = (l2 - l1) / (1 + 0.015 * (light - 50) ** 2 / np.sqrt(20 + (light - 50) ** 2))
+    by_chroma = (c2 - c1) / (1 + 0.045 * chroma)
+    by_hue = 2 * np.sqrt(c1 * c2) * np.sin(np.radians(turn / 2)) / (1 + 0.015 * chroma * t)
+    blue = np.radians(60 * np.exp(-((((hue % 360) - 275) / 25) ** 2)))
+    rotation = -2 * np.sqrt(chroma**7 / (chroma**7 + 25.0**7)) * np.sin(blue)
+    return np.sqrt(by_light**2 + by_chroma**2 + by_hue**2 + rotation * by_chroma * by_hue)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "expected"),
+    [  # from the test data that Sharma, Wu and Dalal publish
+        ((50, 2.6772, -79.7751), (50, 0, -82.7485), 2.0425),
+        ((50, -1, 2), (50, 0, 0), 2.3669),
+        ((50, 2.49, -0.001), (50, -2.49, 0.0011), 7.2195),
+        ((50, 2.5, 0), (73, 25, -18), 27.1492),
+        ((50, 2.5, 0), (58, 24, 15), 19.4535),
+        ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
+        ((22.7233, 20.0904, -46.6940), (23.0331, 14.9730, -42.5619), 2.0373),
+        ((2.0776, 0.0795, -1.1350), (0.9033, -0.0636, -0.5514), 0.9082),
+    ],
+)
+def test_the_difference_is_that_of_the_published_pairs(one, other, expected):
+    assert difference(one, other) == pytest.approx(expected, abs=1e-4)
+    assert difference(other, one) == pytest.approx(expected, abs=1e-4)
 
 
 @pytest.mark.parametrize("sight", SIGHTS)

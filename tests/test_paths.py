@@ -1,7 +1,5 @@
 """The best path for given gains equals the best of all paths."""
 
-from collections.abc import Iterator
-
 import hypothesis.strategies as st
 import numpy as np
 from hypothesis import given, settings
@@ -12,9 +10,7 @@ Option = tuple[float, list[int], list[bool]]
 Board = tuple[np.ndarray, np.ndarray, np.ndarray, list[list[int]]]
 
 
-def all_paths(
-    board: Board, start: int, step: int = 0, just_searched: bool = False
-) -> Iterator[Option]:
+def all_paths(board, start, step=0, just_searched=False):
     """All paths of a drone with their gains: staying first, then left, right, up, down."""
     gains, again, at_end, blocked = board
     n, size = len(gains), gains.shape[-1]

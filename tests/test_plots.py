@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers import made_evaluation
 
-from DroneSwarmSearch.evaluation import SUITE, Evaluation, evaluate
+from DroneSwarmSearch.evaluation import SUITE, evaluate
 
 pytest.importorskip("matplotlib")
 
@@ -15,9 +15,7 @@ pytest.importorskip("matplotlib")
 from DroneSwarmSearch.evaluation import plots
 
 
-def evaluation(
-    policy: str, search: str = "pond", *, share: float = 0.5, bound: float | None = None
-) -> Evaluation:
+def evaluation(policy, search="pond", *, share=0.5, bound=None):
     """40 episodes, of which a share succeeds, each in a different step."""
     where, found = SUITE[search], np.arange(1, 41)[:, None]
     found = np.where(found <= round(share * 40), found, 0)

@@ -14,7 +14,7 @@ from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.policies import POLICIES, BatchPolicy, SwarmPolicy, make
+from DroneSwarmSearch.policies import POLICIES, SwarmPolicy, make
 from DroneSwarmSearch.policies.random_policy import RandomPolicy
 from DroneSwarmSearch.vector.engine import SearchBatch
 
@@ -33,9 +33,7 @@ def shown(batch: SearchBatch, rows: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def play_batch(
-    policy: BatchPolicy, batch: SearchBatch, seed: int
-) -> tuple[list[list[list[int]]], np.ndarray]:
+def play_batch(policy, batch, seed):
     """The actions of every row's episode, step by step, and the endings."""
     batch.reset(seeds=[seed + row for row in range(batch.num_rows)])
     policy.reset(seed=seed)

@@ -110,9 +110,7 @@ class Model:
         self.successful: set[int] = set()  # drones that have found a person
         self.ending: Ending | None = None
 
-    def step(
-        self, actions: list[Action], shown: np.ndarray, persons: tuple[Cell, ...], found: set[int]
-    ) -> list[float]:
+    def step(self, actions, shown, persons, found):
         """Return the rewards of a step. `found` are the persons found in the environment."""
         before = self.drones
         targets = [target_of(cell, a) for cell, a in zip(before, actions, strict=True)]

@@ -57,11 +57,13 @@ def publish_check():
 
 FILES = {
     "DroneSwarmSearch/__init__.py": '"""Text."""\n\n__version__ = "1.2.3"\n',
+    "DroneSwarmSearch/drone_swarm_search_v7.py": "",
     "CHANGELOG.md": "# Changelog\n\n## 1.2.3 (2027-01-31)\n\n## 1.2.2 (2026-12-01)\n",
     "CITATION.cff": 'version: 1.2.3\ndate-released: "2027-01-31"\n',
     "README.md": "@software{it,\n  year    = {2027},\n}\n",
     "docs/tutorial.ipynb": "git+https://github.com/me/it\n",
     "pyproject.toml": '# OWNER stands for me.\nRepository = "https://github.com/me/it"\n',
+    "tests/golden/released.txt": "drone_swarm_search_v7 find 0a1b\n",
 }
 
 
@@ -85,6 +87,7 @@ def test_only_what_is_open_is_listed_as_open(publish_check, tmp_path):
         ("README.md", "2027", "2026", "README.md"),
         ("docs/tutorial.ipynb", "me", "OWNER", "pyproject.toml"),
         ("pyproject.toml", "/me", "/OWNER", "pyproject.toml"),
+        ("tests/golden/released.txt", "v7", "v6", "tests/golden/released.txt"),
     ]:
         (tmp_path / name).write_text(FILES[name].replace(old, new), encoding="utf-8")
         assert still_open() == items

@@ -259,7 +259,7 @@ class TestSymbols:
             for other in looks[:number]:
                 assert differs(look.map, other.map, 60).sum() > 0.02 * look.cell(0, 1)[..., 0].size
 
-    @pytest.mark.parametrize("grid_size", [20, 200])
+    @pytest.mark.parametrize("grid_size", [20, 48, 200])
     def test_25_drones_differ(self, grid_size):
         stride = max(grid_size // 20, 1)
         looks = []

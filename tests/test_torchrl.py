@@ -23,6 +23,7 @@ from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModule
 from torch import nn
 from torchrl.envs import (
+    ActionMask,
     Compose,
     EnvBase,
     GymEnv,
@@ -164,6 +165,26 @@ def test_seeds_determine_the_episodes():
     other.set_seed(5)
     reset_swarms(other, shown, [True, False, True])
     assert torch.equal(persons_after(other)[1], played[1])
+
+
+def test_data_stay_as_they_were_collected():
+    """No array is reused: a rollout equals copies that were made at each step."""
+    env = SearchEnv(4, state=True, **SMALL)
+    env.set_seed(0)
+    played = TransformedEnv(env, ActionMask(ACTION, ACTION_MASK)).rollout(
+        30, break_when_any_done=False
+    )
+    env.set_seed(0)
+    shown = env.reset()
+    for step in range(30):
+        now = played[:, step]
+        for key in (OBSERVATION, ACTION_MASK, STATE, SUCCESS):
+            assert torch.equal(shown[key], now[key])
+        kept = act(env, shown, now[ACTION]).clone()
+        for key in (OBSERVATION, REWARD, STATE, SUCCESS, "done", ("drones", "terminated")):
+            assert torch.equal(kept[key], now["next"][key])
+        shown = reset_swarms(env, kept, kept["done"]) if kept["done"].any() else kept
+    assert int(played["next", "done"].sum()) >= 4 * 3
 
 
 def test_transforms_and_collectors_take_it():

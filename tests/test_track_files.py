@@ -36,18 +36,18 @@ NOWHERE = (np.nan, np.nan)
 
 
 def write(
-    path: Path,
-    tracks: Any,
-    seconds: Any = HOURS,
+    path,
+    tracks,
+    seconds=HOURS,
     *,
-    status: Any = None,
-    flags: dict[str, Any] = FLAGS,
-    names: tuple[str, str, str] = ("lon", "lat", "time"),
-    standard_names: bool = True,
-    order: tuple[str, str] = ("trajectory", "time"),
-    dtype: str = "f4",
-    **attributes: Any,
-) -> Path:
+    status=None,
+    flags=FLAGS,
+    names=("lon", "lat", "time"),
+    standard_names=True,
+    order=("trajectory", "time"),
+    dtype="f4",
+    **attributes,
+):
     """Write positions in degrees, (elements, times, 2), as OpenDrift 1.14 does or as stated."""
     degrees = np.array(tracks, np.float64)
     longitude, latitude, when = names

@@ -57,12 +57,7 @@ class Twins:
         self.frames: list[Frame] = []
         self.compared = 0
 
-    def reset(
-        self,
-        seeds: list[int | None] | None = None,
-        rows: list[int] | None = None,
-        given: Mapping[str, Any] | None = None,
-    ) -> None:
+    def reset(self, seeds=None, rows=None, given=None):
         which = range(len(self.envs)) if rows is None else rows
         self.batch.reset(seeds, None if rows is None else np.array(rows), **(given or {}))
         self.situations = (given or {}).get("situations", self.situations)

@@ -111,15 +111,11 @@ class Swarm(gymnasium.Env):
             }
         )
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    def reset(self, *, seed=None, options=None):
         observations, infos = self.env.reset(seed=seed, options=options)
         return self._seen(observations), self._infos_of(np.zeros(self.env.n_drones), infos)
 
-    def step(
-        self, action: np.ndarray
-    ) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
+    def step(self, action):
         names = self.env.agents
         observations, rewards, dones, _, infos = self.env.step(
             dict(zip(names, action.tolist(), strict=True))
@@ -153,9 +149,7 @@ class Swarm(gymnasium.Env):
         return own
 
 
-def gymnasiums(
-    num_envs: int, mode: AutoresetMode, separate_flags: bool = False, **parameters: Any
-) -> SyncVectorEnv:
+def gymnasiums(num_envs, mode, separate_flags=False, **parameters):
     """Single environments in Gymnasium's own vector."""
     swarms = [lambda: Swarm(separate_flags, **parameters)] * num_envs
     return SyncVectorEnv(swarms, autoreset_mode=mode)

@@ -1,8 +1,14 @@
 """Traces of named episodes as readable text; run this file to regenerate them.
 
-`test_golden.py` plays the scenarios again and compares line by line.
+    python tests/golden/regenerate.py            after a wanted change: the diff is the review
+    python tests/golden/regenerate.py --release  as a step of a release, see CONTRIBUTING.md
+
+`test_golden.py` plays the scenarios again and compares line by line. `released.txt` holds a digest
+of each trace, frames left out, for every id that was released: its episodes are never changed.
 """
 
+import argparse
+import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +18,7 @@ import numpy as np
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme
 
 FOLDER = Path(__file__).parent
+RELEASED = FOLDER / "released.txt"  # in each line an id, a scenario and a digest
 ID = str(DroneSwarmSearch.metadata["name"])
 
 LETTERS = {action.name[0]: action for action in Action}
@@ -166,18 +173,19 @@ SCENARIOS = {
 }
 
 
-def trace(scenario: Scenario) -> str:
-    """A scenario's episodes as text."""
+def trace(scenario: Scenario, frames: bool = True) -> str:
+    """A scenario's episodes as text, with the frames or with what counts as behaviour alone."""
     env = DroneSwarmSearch(**scenario.parameters)
-    lines = [scenario.shows, f"environment: {ID}", ""]
+    lines = [scenario.shows] if frames else []
+    lines += [f"environment: {ID}", ""]
     lines += [f"{name} = {value}" for name, value in scenario.parameters.items()]
     for number, steps in enumerate([scenario.steps, *scenario.then]):
         arguments = scenario.reset if number == 0 else {}
         given = ", ".join(f"{name}={value}" for name, value in arguments.items())
         observations, _ = env.reset(**arguments)
-        lines += ["", f"reset({given})", *shown(env, observations), *framed(env)]
+        lines += ["", f"reset({given})", *shown(env, observations), *framed(env, frames)]
         for letters in steps.split():
-            lines += ["", *step_lines(env, letters), *framed(env)]
+            lines += ["", *step_lines(env, letters), *framed(env, frames)]
     return "\n".join(lines) + "\n"
 
 
@@ -215,17 +223,52 @@ def shown(env: DroneSwarmSearch, observations: dict[str, Any]) -> list[str]:
     ]
 
 
-def framed(env: DroneSwarmSearch) -> list[str]:
+def framed(env: DroneSwarmSearch, frames: bool) -> list[str]:
     """The frame as text, without the spaces at the ends of lines."""
-    return [line.rstrip() for line in env.render().splitlines()]
+    return [line.rstrip() for line in env.render().splitlines()] if frames else []
 
 
 def path_of(name: str) -> Path:
     return FOLDER / f"{name}.txt"
 
 
-if __name__ == "__main__":
-    for path in FOLDER.glob("*.txt"):
-        path.unlink()
+def digest(scenario: Scenario) -> str:
+    return hashlib.sha256(trace(scenario, frames=False).encode()).hexdigest()
+
+
+def released() -> dict[str, str]:
+    """The digests of this id's released episodes by scenario; empty if it was not released."""
+    lines = [line.split() for line in RELEASED.read_text(encoding="utf-8").splitlines()]
+    return {line[1]: line[2] for line in lines if line and line[0] == ID}
+
+
+def broken() -> list[str]:
+    """The scenarios whose episodes differ from those released under this id."""
+    now = {name: digest(scenario) for name, scenario in SCENARIOS.items()}
+    return [name for name, was in released().items() if now.get(name) != was]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Regenerate every trace, unless episodes of a released id change; remove obsolete ones."""
+    parser = argparse.ArgumentParser(description="Regenerate the traces of the named episodes.")
+    parser.add_argument("--release", action="store_true", help="enter them as released")
+    options = parser.parse_args(arguments)
+    if names := broken():
+        raise SystemExit(
+            f"{ID} is released, and these are not its episodes any more: {', '.join(names)}.\n"
+            "Nothing was written. If the change is not meant, undo it. If it is, give the\n"
+            'environment the next id: "Versions" in CONTRIBUTING.md says where it stands.'
+        )
     for name, scenario in SCENARIOS.items():
         path_of(name).write_text(trace(scenario), encoding="utf-8", newline="\n")
+    for path in set(FOLDER.glob("*.txt")) - {RELEASED}:
+        if path.stem not in SCENARIOS:
+            path.unlink()
+    if options.release:
+        new = sorted(set(SCENARIOS) - set(released()))
+        with RELEASED.open("a", encoding="utf-8", newline="\n") as file:
+            file.writelines(f"{ID} {name} {digest(SCENARIOS[name])}\n" for name in new)
+
+
+if __name__ == "__main__":
+    main()
