@@ -217,6 +217,23 @@ def test_changing_returned_arrays_does_not_change_the_episode():
     assert episodes(make_env(EVERYTHING), lambda array: None) == expected
 
 
+def test_results_of_step_can_be_changed_by_the_caller():
+    logs: list[list[Any]] = [[], []]
+    for spoils, log in enumerate(logs):
+        env, rng = make_env(EVERYTHING), random.Random(5)
+        results: Any = env.reset(seed=2)
+        while log.append(plain(results)) or env.agents:
+            actions = careful_actions(rng, results[0], env.grid_size)
+            for mapping in results if spoils else ():
+                for value in mapping.values():
+                    if isinstance(value, dict):
+                        value.clear()
+                mapping.clear()
+            results = env.step(actions)
+            actions.clear()
+    assert logs[0] == logs[1]
+
+
 def test_changing_arguments_afterwards_has_no_effect():
     persons = np.array([[3, 3], [5, 1]])
     vector, cells = [0.5, 0.5], [[1, 1], [2, 2]]

@@ -1,6 +1,6 @@
 """Short named episodes, replayed and compared with their traces line by line."""
 
-import dataclasses
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -31,14 +31,8 @@ def test_the_scenarios_use_every_action_and_reach_every_ending():
     letters = {letter for scenario in SCENARIOS.values() for letter in scenario.steps}
     assert letters - {" "} == set(LETTERS)
     traces = "\n".join(trace(scenario) for scenario in SCENARIOS.values())
-    for words in (
-        "every person was found",
-        "collided",
-        "left the grid",
-        "the time limit",
-        "less than 1%",
-    ):
-        assert words in traces
+    endings = "every person was found; collided; left the grid; the time limit; less than 1%"
+    assert [words for words in endings.split("; ") if words not in traces] == []
 
 
 @pytest.fixture
@@ -52,10 +46,6 @@ def other_folder(tmp_path, monkeypatch):
     assert regenerate.released() == {}
     regenerate.main(["--release"])
     return tmp_path
-
-
-def change(name: str, **changes: object) -> None:
-    regenerate.SCENARIOS[name] = dataclasses.replace(SCENARIOS[name], **changes)
 
 
 def kept(folder: Path) -> dict[str, bytes]:
@@ -76,7 +66,7 @@ def test_unchanged_episodes_can_be_written_and_released_again(other_folder):
 
 
 def test_changed_episodes_of_a_released_id_are_rejected(other_folder):
-    change("find", reset={"seed": 2})
+    regenerate.SCENARIOS["find"] = replace(SCENARIOS["find"], reset={"seed": 2})
     regenerate.SCENARIOS.pop("persons")
     before = kept(other_folder)
     for arguments in ([], ["--release"]):
@@ -87,7 +77,7 @@ def test_changed_episodes_of_a_released_id_are_rejected(other_folder):
 
 
 def test_new_ids_scenarios_and_frames_are_allowed(other_folder, monkeypatch):
-    change("find", shows="Described in other words.")
+    regenerate.SCENARIOS["find"] = replace(SCENARIOS["find"], shows="Described in other words.")
     regenerate.SCENARIOS["new"] = SCENARIOS["find"]
     monkeypatch.setattr(regenerate, "framed", lambda env, frames: ["a map"] if frames else [])
     regenerate.main([])
@@ -97,6 +87,6 @@ def test_new_ids_scenarios_and_frames_are_allowed(other_folder, monkeypatch):
     assert set(regenerate.released()) == {*SCENARIOS, "new"}
 
     monkeypatch.setattr(regenerate, "ID", "drone_swarm_search_v1000")
-    change("find", reset={"seed": 2})
+    regenerate.SCENARIOS["find"] = replace(SCENARIOS["find"], reset={"seed": 2})
     regenerate.main([])
     assert "environment: drone_swarm_search_v1000" in (other_folder / "find.txt").read_text("utf-8")

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 
 from DroneSwarmSearch.bound.paths import FORBIDDEN, best_paths, values_to_go
 
-Option = tuple[float, list[int], list[bool]]
 Board = tuple[np.ndarray, np.ndarray, np.ndarray, list[list[int]]]
 
 
