@@ -18,7 +18,7 @@ from helpers import observed, plain, play, play_on
 
 import DroneSwarmSearch as package
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, ResetNeeded
-from DroneSwarmSearch.vector import SearchBatch
+from DroneSwarmSearch.vector import SearchBatch, SwarmVectorEnv
 
 HOME = str(Path(package.__file__).parent)
 
@@ -192,3 +192,48 @@ def test_an_interrupted_step_of_a_batch(parameters):
         assert seen(left) == expected
     assert asked > 10
     assert seen(batch) in possible
+
+
+@pytest.mark.parametrize("parameters", BATCHES.values(), ids=BATCHES)
+def test_an_interrupted_reset_of_a_batch(parameters):
+    batch, new = made_batch(parameters), made_batch(parameters)
+    given: dict[str, Any] = {"drones_positions": [(1, 1), (2, 3)]}
+    others: dict[str, Any] = {"drones_positions": [(3, 1), (2, 2)]}
+    if "situations" in parameters:
+        given, others = {"situation": 1}, {"situation": 0}
+    new.reset(range(20, 20 + ROWS), **given)
+    expected = seen(new)
+    for rows in (None, np.arange(3)):
+        count = ROWS if rows is None else len(rows)
+        for left in interruptions(
+            lambda: copy.deepcopy(batch),
+            lambda batch, rows=rows, count=count: batch.reset(range(count), rows, **others),
+            stride=101,
+        ):
+            left.reset(range(20, 20 + ROWS), **given)
+            assert seen(left) == expected
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+def test_an_interrupted_step_of_a_view(mode):
+    """Ended episodes do not continue, in any autoreset mode."""
+
+    def made() -> Any:
+        env = SwarmVectorEnv(3, autoreset_mode=mode, grid_size=3, n_drones=2, timestep_limit=2)
+        env.reset(seed=1)
+        return env
+
+    def log(env: Any) -> list[Any]:
+        env.reset(seed=8)
+        shown = [env.step(np.full((3, 2), Action.SEARCH))[:3]]
+        if mode == "Disabled" and shown[0][2].any():
+            env.reset(options={"reset_mask": shown[0][2]})
+        return plain([*shown, env.step(np.full((3, 2), Action.SEARCH))[:3]])
+
+    crash = np.array([[Action.RIGHT, Action.IDLE], [Action.RIGHT] * 2, [Action.RIGHT] * 2])
+    expected = log(made())
+    for left in interruptions(made, lambda env: env.step(crash), stride=121):
+        if left.batch.ended.any() and mode != "NextStep":
+            with pytest.raises(ResetNeeded):
+                left.step(np.full((3, 2), Action.IDLE))
+        assert log(left) == expected

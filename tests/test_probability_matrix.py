@@ -1,6 +1,8 @@
 """The forecast compared with a plain implementation of its formulas."""
 
+import copy
 import math
+import pickle
 import tracemalloc
 
 import numpy as np
@@ -217,3 +219,14 @@ def test_the_memory_of_a_long_episode_stops_growing_at_the_limit(monkeypatch):
     tracemalloc.stop()
     assert used[0] < 8 * 2**20
     assert used[-1] - used[1] < 2**20
+
+
+def test_matrices_are_new_arrays():
+    forecast = ProbabilityMatrix(9, Drift((4, 4), vector=(0.1, 0.2), diffusion=1 / 3))
+    expected = forecast.at(7)
+    for array in (forecast.at(7), forecast.exact(7), *forecast.marginals(7), *forecast.moves(7)):
+        array[...] = 5.0
+    for same in (forecast, copy.deepcopy(forecast), pickle.loads(pickle.dumps(forecast))):
+        np.testing.assert_array_equal(same.at(7), expected)
+        assert same.exact(7).sum() == pytest.approx(1)
+        assert max(chances.max() for chances in same.moves(7)) <= 1

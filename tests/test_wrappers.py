@@ -344,3 +344,25 @@ def test_masks_require_a_reset_and_boolean_flags():
 
 
 # Conversions by other packages.
+
+
+@each_wrapper
+def test_returned_values_never_change(wrap):
+    env = wrap(DroneSwarmSearch(**MISSION))
+    results: list[Any] = [env.reset(seed=3)]
+    as_it_was = [plain(results[0])]
+    while env.agents:
+        results.append(env.step(dict.fromkeys(env.agents, Action.SEARCH)))
+        as_it_was.append(plain(results[-1]))
+    assert [plain(result) for result in results] == as_it_was
+
+
+def test_channels_last_transposes_the_planes():
+    first = PlanesObservation(DroneSwarmSearch(**SMALL))
+    last = PlanesObservation(DroneSwarmSearch(**SMALL), channels_last=True)
+    assert last.observation_space("drone0").shape == (4, 4, 4)
+    (shown, _), (turned, _) = first.reset(seed=2), last.reset(seed=2)
+    for drone, planes in shown.items():
+        assert plain(np.moveaxis(planes, 0, -1)) == plain(turned[drone])
+    with pytest.raises(TypeError, match="channels_last must be True or False, got 1"):
+        PlanesObservation(DroneSwarmSearch(**SMALL), channels_last=1)  # type: ignore[arg-type]
