@@ -358,59 +358,6 @@ OWN = (
 )
 
 
-@pytest.fixture
-def played(monkeypatch):
-    """The portions that are played; they have four episodes."""
-    portions: list[range] = []
-
-    def noted(policy: Any, search: NamedSearch, seeds: Any, view: View, **how: Any) -> Any:
-        portions.append(seeds)
-        return play(policy, search, seeds, view, **how)
-
-    monkeypatch.setattr(run, "play", noted)
-    monkeypatch.setattr(run, "PORTION", 4)
-    return portions
-
-
-@pytest.mark.parametrize(
-    "changes", [{}, {"person_initial_position": (2, 2)}, {"mission": "coverage"}]
-)
-def test_a_finished_result_is_read_from_the_folder(played, tmp_path, changes):
-    changes = {"probability_of_detection": 0.8, **changes}
-    first = evaluate("greedy-matrix", named(**changes), episodes=10, out=tmp_path)
-    assert played
-    played.clear()
-    again = evaluate("greedy-matrix", named(**changes), episodes=10, out=tmp_path)
-    assert not played
-    assert again.summary == first.summary
-    assert data_of(again) == data_of(first)
-    (tmp_path / "finished" / "greedy-matrix.small.npz").unlink()
-    anew = evaluate("greedy-matrix", named(**changes), episodes=10, out=tmp_path)
-    assert played and anew.summary == first.summary
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"episodes": 5}, "its episodes is 4, got 5"),
-        ({"seed": 1}, "its seed is 0, got 1"),
-        ({"search": named(disperse_constant=3)}, "its search small is '"),
-        ({"view": View(bayesian_update=True)}, "policy mine: bayesian_update is None, got True"),
-        ({"text": OWN.format(5)}, "policy mine: sha256 is '"),
-    ],
-)
-def test_the_folder_of_another_run_is_refused(played, tmp_path, changes, message):
-    file = tmp_path / "mine.py"
-    file.write_text(OWN.format(4), "utf-8")
-    usual = {"search": named(), "episodes": 4, "out": tmp_path / "run", "name": "mine"}
-    evaluate(f"{file}:act", **usual)
-    played.clear()
-    file.write_text(changes.pop("text", OWN.format(4)), "utf-8")
-    with pytest.raises(ValueError, match=f"out must be a new folder, .*{message}"):
-        evaluate(f"{file}:act", **{**usual, **changes})
-    assert not played
-
-
 @pytest.mark.parametrize("search", [named(), named(**ALONE)])
 def test_workers_have_no_effect(search, tmp_path, monkeypatch):
     monkeypatch.setattr(run, "PORTION", 4)

@@ -84,7 +84,11 @@ def test_dicts_round_trip(parameters):
     [
         ({"gird_size": 9}, ValueError, r"parameters grid_size, .* got 'gird_size'"),
         ({"grid_size": "9"}, TypeError, "grid_size .* got '9'"),
-        ({"reward_scheme": {"finds": 1}}, TypeError, "RewardScheme.* 'finds'"),
+        (
+            {"reward_scheme": {"finds": 1}},
+            TypeError,
+            "RewardScheme .* 'finds'; did you mean find",
+        ),
         (
             {"persons": [{"drifts": [{"start": [1, 1]}]}, {"drifts": [{"start": [1]}]}]},
             ValueError,

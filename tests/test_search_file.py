@@ -70,13 +70,15 @@ def test_a_file_of_tracks_is_relative_to_the_search(tmp_path):
     ("text", "message"),
     [
         ("{", "Expecting property name"),
-        ("[1]", "'list' object is not a mapping"),
+        ("[" * 100_000, "JSON must not be nested so deeply"),
+        ('{"name": ""}', "name must be text of 1 to 100 printable characters, got ''"),
+        ("[1]", "a search is a JSON object, got \\[1\\]"),
         ('{"grid": 3}', "a scenario has the parameters grid_size, .* got 'grid'"),
         ('{"drones_positions": 3}', "drones_positions must be a list of cells, got 3"),
         ('{"drones_positions": [[1, 1], [1, 1]]}', "drones must hold different cells"),
         ('{"drones_positions": [[1, 1]], "n_drones": 2}', "must hold 2 cells"),
         ('{"persons": [{"tracks": {"file": "a.npz", "sha256": ""}}]}', "there is no .*a.npz"),
-        ('{"scale": {"metres": 3}}', "unexpected keyword argument 'metres'"),
+        ('{"scale": {"metres": 3}}', "scale has the parameters metres_per_cell, .* got 'metres'"),
     ],
 )
 def test_bad_files(tmp_path, text, message):

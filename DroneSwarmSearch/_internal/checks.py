@@ -18,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Ints
+from DroneSwarmSearch._internal.errors import did_you_mean
 
+LONGEST_NAME = 100  # characters
 LARGEST_EXACT = 2**53  # the largest number up to which all integers are exact as floats
 _TEXT = (str, bytes, bytearray)  # sequences that never count as numbers
 
@@ -40,14 +42,45 @@ def choice(name: str, value: object, allowed: Sequence[str | None]) -> str | Non
     raise error(f"{name} must be one of {', '.join(map(repr, allowed))}, got {value!r:.100}")
 
 
+def known_keys(
+    what: str, data: object, known: Sequence[str], error: type[Exception] = TypeError
+) -> dict[str, Any]:
+    """Plain data as a dict; raises `error` for an unknown key, as for an unexpected keyword.
+
+    The message suggests a similar key. It is a TypeError if the data are no mapping.
+    """
+    if not isinstance(data, Mapping):
+        raise TypeError(
+            f"{what} must be a mapping with the parameters {', '.join(known)}, got {data!r:.100}"
+        )
+    for key in data:
+        if key not in known:
+            raise error(
+                f"{what} has the parameters {', '.join(known)}, got {key!r:.100}"
+                f"{did_you_mean(str(key), known)}"
+            )
+    return dict(data)
+
+
+def name_text(name: str, value: object) -> str:
+    """A name for tables and files: text of 1 to 100 printable characters."""
+    what = f"text of 1 to {LONGEST_NAME} printable characters"
+    if not isinstance(value, str):
+        raise TypeError(f"{name} must be {what}, got {value!r:.100}")
+    if not (0 < len(value) <= LONGEST_NAME and value.isprintable() and value.strip()):
+        raise ValueError(f"{name} must be {what}, got {value!r:.100}")
+    return value
+
+
 def known_options(options: object, known: Sequence[str], stacklevel: int) -> dict[str, Any]:
     """The known options of a `reset` but None; a warning about others, at this stack level."""
     if not isinstance(options, Mapping):
         raise TypeError(f"options must be a mapping, got {options!r:.100}")
     unknown = [key for key in options if key not in known]
     if unknown:
+        ignored = [f"{key!r}{did_you_mean(str(key), known)}" for key in unknown]
         warnings.warn(
-            f"options may hold {', '.join(known)}; ignored: {', '.join(map(repr, unknown))}",
+            f"options may hold {', '.join(known)}; ignored: {', '.join(ignored)}",
             stacklevel=stacklevel + 1,
         )
     return {name: options[name] for name in known if options.get(name) is not None}
@@ -63,7 +96,7 @@ def integer(name: str, value: object, low: int, high: int | None = None) -> int:
     except TypeError:
         raise TypeError(f"{name} must be an integer {limits}, got {value!r:.100}") from None
     if number < low or (high is not None and number > high):
-        raise ValueError(f"{name} must be an integer {limits}, got {value!r:.100}")
+        raise ValueError(f"{name} must be an integer {limits}, got {_shown(value)}")
     return number
 
 
@@ -112,9 +145,21 @@ def positive(name: str, value: object) -> float:
 def _finite(name: str, value: Any, what: str, low: float, high: float) -> float:
     if not is_number(value):
         raise TypeError(f"{name} must be {what}, got {value!r:.100}")
-    if not (math.isfinite(value) and low <= value <= high):
-        raise ValueError(f"{name} must be {what}, got {value!r:.100}")
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError:  # integers and fractions beyond the largest float
+        number = math.inf
+    if not (math.isfinite(number) and low <= value <= high):
+        raise ValueError(f"{name} must be {what}, got {_shown(value)}")
+    return number
+
+
+def _shown(value: object) -> str:
+    """The start of a value's text; Python refuses to write integers of thousands of digits."""
+    try:
+        return f"{value!r:.100}"
+    except ValueError:
+        return f"a number of {int(value).bit_length():,} bits"  # type: ignore[call-overload]
 
 
 def items(name: str, value: object, what: str) -> list[object]:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
+
+FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # what formulas of spreadsheets begin with
 
 
 class StorageError(OSError):
@@ -38,6 +42,48 @@ def replacing(path: Path) -> Iterator[Path]:
                 str(path),
             ) from error
         raise
+
+
+def parsed_json(content: bytes, object_hook: Callable[[dict[str, Any]], Any] | None = None) -> Any:
+    """What a JSON file holds; it may begin with a byte order mark.
+
+    Raises:
+        ValueError: it is not JSON in UTF-8, or its brackets are nested too deeply.
+    """
+    try:
+        return json.loads(content.decode("utf-8-sig"), object_hook=object_hook)
+    except UnicodeDecodeError as error:
+        raise ValueError(f"JSON must be in UTF-8, but byte {error.start} is not") from None
+    except RecursionError:
+        raise ValueError("JSON must not be nested so deeply") from None
+
+
+def csv_cell(value: object) -> object:
+    """A cell of a CSV file; text that a spreadsheet would execute begins with an apostrophe."""
+    if isinstance(value, str) and value.startswith(FORMULAS):
+        return f"'{value}"
+    return value
+
+
+def try_folder(folder: Path, size: int = 1) -> None:
+    """Create a folder if necessary, and try whether `size` bytes can be written there.
+
+    Call it before long work whose results go there.
+
+    Raises:
+        StorageError: they cannot be written.
+    """
+    spare = folder / f".{secrets.token_hex(8)}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            with spare.open("wb") as file:
+                file.write(bytes(size))
+                os.fsync(file.fileno())
+        finally:
+            spare.unlink(missing_ok=True)
+    except OSError as error:
+        raise StorageError(error.errno, error.strerror or str(error), str(folder)) from error
 
 
 def write_bytes(path: Path, data: bytes) -> None:

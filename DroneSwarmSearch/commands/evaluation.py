@@ -18,7 +18,7 @@ from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.evaluation import board, exporting, recording
 from DroneSwarmSearch.evaluation.results import Evaluation, csv_text, save_csv
-from DroneSwarmSearch.evaluation.run import bounds_of, check_names, manifest
+from DroneSwarmSearch.evaluation.run import bounds_of, check_names
 from DroneSwarmSearch.evaluation.run_folder import RunFolder, file_name
 from DroneSwarmSearch.evaluation.suite import SUITE, SUITE_VERSION
 from DroneSwarmSearch.evaluation.text_tables import figure, percent, print_table
@@ -93,9 +93,9 @@ def leaderboard(options: argparse.Namespace) -> None:
 def bound(options: argparse.Namespace) -> None:
     """Print upper bounds on success."""
     searches = _searches(options)
-    folder, how = RunFolder(options.out, manifest(searches)), (options.workers, options.ray)
-    bounds = bounds_of(searches, folder, *how, True)
-    parts, rows = (0.25, 0.5, 0.75, 1.0), []
+    bounds = bounds_of(searches, RunFolder(options.out), options.workers, options.ray, True)
+    parts = (0.25, 0.5, 0.75, 1.0)
+    rows = []
     for search in searches:
         limit, bound = search.scenario.timestep_limit, bounds[search.name]
         by_time = [f"{100 * bound.by_time[round(part * limit)]:.2f}" for part in parts]

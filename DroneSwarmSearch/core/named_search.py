@@ -6,14 +6,14 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.files import write_text
+from DroneSwarmSearch._internal.files import parsed_json, write_text
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
 from DroneSwarmSearch.drift.scale import Scale
@@ -24,7 +24,7 @@ class NamedSearch:
     """A search for evaluations: a scenario with start cells, a name and a reason.
 
     Attributes:
-        name: for tables and files.
+        name: for tables and files: 1 to 100 printable characters.
         reason: what the search tests, in a sentence or two.
         scenario: its parameters.
         drones: the start cell (x, y) of each drone, all different; empty for the default
@@ -33,7 +33,8 @@ class NamedSearch:
             results do not depend on it.
 
     Raises:
-        ValueError: `drones` does not fit the scenario.
+        TypeError: the name is not text, or the scenario no `Scenario`.
+        ValueError: the name is empty or too long, or `drones` does not fit the scenario.
     """
 
     name: str
@@ -43,6 +44,7 @@ class NamedSearch:
     scale: Scale | None = None
 
     def __post_init__(self) -> None:
+        checks.name_text("name", self.name)
         scenario = checked_scenario(self.scenario)
         size, cells = scenario.grid_size, list(range(scenario.n_drones))
         if len(self.drones):
@@ -109,11 +111,15 @@ class NamedSearch:
     def from_dict(cls, data: Mapping[str, Any]) -> NamedSearch:
         """Make a search from plain data: of the suite, or the content of a file of `save`."""
         rest = dict(data)
-        name, reason, scale = rest.pop("name"), rest.pop("reason"), rest.pop("scale", None)
+        name, reason = rest.pop("name"), rest.pop("reason")
+        scale = rest.pop("scale", None)
+        if scale is not None:
+            sizes = [field.name for field in fields(Scale)]
+            scale = Scale(**checks.known_keys("scale", scale, sizes))
         given = rest.pop("drones_positions", [])
         drones: Any = checks.items("drones_positions", given, "a list of cells")
         scenario = Scenario.from_dict({"n_drones": len(drones), **rest} if drones else rest)
-        return cls(name, reason, scenario, drones, scale and Scale(**scale))
+        return cls(name, reason, scenario, drones, scale)
 
     def with_posterior(self, bayesian_update: object) -> NamedSearch:
         """Select what drones see: the posterior (True), the prior (False) or the same (None)."""
@@ -123,9 +129,18 @@ class NamedSearch:
 
 
 def read_json(path: Path) -> Any:
-    """The content of a JSON file, with the paths of the files of tracks that it names."""
+    """The object in a JSON file, with the paths of the files of tracks that it names.
+
+    Raises:
+        ValueError: the file holds no JSON, or something else than an object.
+    """
 
     def located(item: dict[str, Any]) -> dict[str, Any]:
-        return {**item, "file": str(path.parent / item["file"])} if item.get("file") else item
+        if isinstance(item.get("file"), str):
+            return {**item, "file": str(path.parent / item["file"])}
+        return item
 
-    return json.loads(path.read_bytes(), object_hook=located)
+    data = parsed_json(path.read_bytes(), located)
+    if not isinstance(data, dict):
+        raise ValueError(f"a search is a JSON object, got {data!r:.100}")
+    return data

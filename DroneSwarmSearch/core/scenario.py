@@ -145,13 +145,12 @@ class Scenario:
             TypeError: `data` is not a mapping, or a value is of the wrong type.
             ValueError: a value is out of its limits, or there is no such parameter.
         """
-        known = [field.name for field in fields(cls)]
-        for name in data:
-            if name not in known:
-                raise ValueError(f"a scenario has the parameters {', '.join(known)}, got {name!r}")
+        names = [field.name for field in fields(cls)]
+        data = checks.known_keys("a scenario", data, names, ValueError)
         scheme = data.get("reward_scheme", RewardScheme())
         if isinstance(scheme, Mapping):
-            scheme = RewardScheme(**scheme)
+            figures = [field.name for field in fields(RewardScheme)]
+            scheme = RewardScheme(**checks.known_keys("a RewardScheme", scheme, figures))
         persons = data.get("persons")
         if persons is not None and not isinstance(persons, Person):
             given = checks.items("persons", persons, "a list of persons")

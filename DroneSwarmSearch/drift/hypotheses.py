@@ -199,7 +199,7 @@ class Drift:
             TypeError: `data` is not a mapping of parameters, or one is of the wrong type.
             ValueError: a value is out of its limits.
         """
-        return cls(**data)
+        return cls(**checks.known_keys("a drift", data, [field.name for field in fields(cls)]))
 
 
 class Hypotheses(KnownDrift):

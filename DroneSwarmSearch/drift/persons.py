@@ -13,7 +13,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.hypotheses import ROUNDING, Hypotheses
 from DroneSwarmSearch.drift.known import KnownDrift
-from DroneSwarmSearch.drift.tracks import TrackDrift, Tracks
+from DroneSwarmSearch.drift.tracks import MOST_PARTS, USUAL_PARTS, TrackDrift, Tracks
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class Person:
         survival: see below.
         fine: with tracks, where a person goes next depends on one of fine² parts of the cell; from
             1 to 4. With 1, plans promise more than they find; 3 and 4 need many tracks.
-        classes: with tracks, the number of groups of similar tracks; a person belongs to one of
-            them for good. Time and memory grow with it.
+        classes: with tracks, the number of groups of similar tracks, at most that of the tracks; a
+            person belongs to one of them for good. Time and memory grow with it.
 
     Attributes:
         drift: what is known of the drift: `Hypotheses`, `TrackDrift` or another `KnownDrift`.
@@ -54,15 +54,22 @@ class Person:
     drift: Any
     probability_of_detection: float = 1.0
     survival: Sequence[float] | Floats | None = field(default=None, kw_only=True, repr=False)
-    fine: InitVar[int] = field(default=2, kw_only=True)
+    fine: InitVar[int] = field(default=USUAL_PARTS, kw_only=True)
     classes: InitVar[int] = field(default=1, kw_only=True)
 
     def __post_init__(self, fine: int, classes: int) -> None:
         detection = checks.real("probability_of_detection", self.probability_of_detection, 0, 1)
+        fine = checks.integer("fine", fine, 1, MOST_PARTS)
+        classes = checks.integer("classes", classes, 1)
         known = self.drift
         if isinstance(known, Tracks):
             known = TrackDrift(known, fine, classes)
-        elif not isinstance(known, KnownDrift):
+        elif (fine, classes) != (USUAL_PARTS, 1):
+            raise ValueError(
+                f"fine and classes belong to tracks, got fine={fine} and classes={classes} with "
+                f"{type(known).__name__}"
+            )
+        if not isinstance(known, KnownDrift):
             known = Hypotheses(known)
         object.__setattr__(self, "drift", known)
         object.__setattr__(self, "probability_of_detection", detection)
@@ -84,9 +91,11 @@ class Person:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Person:
         """Make a person from the output of `to_dict`, see `Drift.from_dict`."""
-        values = {**data}
-        if "tracks" in values:
+        own = ("probability_of_detection", "survival")
+        if "tracks" in data:
+            values = checks.known_keys("a person", data, ("tracks", *own, "fine", "classes"))
             return cls(Tracks.from_dict(values.pop("tracks")), **values)
+        values = checks.known_keys("a person", data, ("drifts", *own))
         return cls(Hypotheses.from_list(values.pop("drifts", None)), **values)
 
 

@@ -23,6 +23,8 @@ from DroneSwarmSearch.drift.scale import Scale
 FARTHEST = 200
 """Cells from the given cell; if no track comes nearer, the position is probably a mistake."""
 
+USUAL_PARTS, MOST_PARTS = 2, 4  # of a cell along each side, on which a person's next move depends
+
 MOST_UNSEEN = 0.1
 """The share of held-out tracks where no other track is, above which there is a warning."""
 
@@ -153,11 +155,12 @@ class Tracks:
 
     # Files.
 
-    def save(self, path: str | Path, fine: int = 2) -> None:
+    def save(self, path: str | Path, fine: int = USUAL_PARTS) -> None:
         """Write a compact ``.npz`` for `read`: with this `fine` and one class, the same person."""
         if Path(path).suffix != ".npz":
             raise ValueError(f"path must end in .npz, got {str(path)!r}")
-        parts = np.floor((self.positions + 0.5) * checks.integer("fine", fine, 1, 4))
+        fine = checks.integer("fine", fine, 1, MOST_PARTS)
+        parts = np.floor((self.positions + 0.5) * fine)
         arrays = {
             "start": parts[0].astype(np.int32),
             "steps": np.diff(parts, axis=0).astype(np.int8),
@@ -208,6 +211,12 @@ class Tracks:
         if not Path(path).is_file():
             raise FileNotFoundError(f"path must name a file, but there is no {str(path)!r}")
         if Path(path).suffix == ".npz":
+            given = (scale, origin, cell, start, steps, diffusivity, seed)
+            if given != (None, None, (0.0, 0.0), None, None, 0.0, 0):
+                raise ValueError(
+                    "scale, origin, cell, start, steps, diffusivity and seed belong to NetCDF, "
+                    f"but {path} is a file of Tracks.save, whose tracks are in cells"
+                )
             tracks = _unpacked(Path(path))
         else:
             if not isinstance(scale, Scale):
@@ -279,10 +288,10 @@ class Tracks:
 class TrackDrift(KnownDrift):
     """Tracks, and how exactly a person follows them; see `Person` for the arguments."""
 
-    def __init__(self, tracks: Tracks, fine: int = 2, classes: int = 1) -> None:
+    def __init__(self, tracks: Tracks, fine: int = USUAL_PARTS, classes: int = 1) -> None:
         self.tracks = tracks
-        self.fine = checks.integer("fine", fine, 1, 4)
-        self.classes = checks.integer("classes", classes, 1)
+        self.fine = checks.integer("fine", fine, 1, MOST_PARTS)
+        self.classes = checks.integer("classes", classes, 1, len(tracks))
         self.key = tracks, self.fine, self.classes
         self.vector = tracks.vector
         self.outline = f" from {len(tracks):,} tracks"

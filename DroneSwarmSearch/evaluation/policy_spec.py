@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.policies import POLICIES
@@ -30,6 +31,9 @@ class PolicySpec:
     source: Mapping[str, str] | None
     policy: Any
     arguments: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        checks.name_text("name", self.name)
 
     @property
     def kind(self) -> type:
@@ -51,9 +55,9 @@ class PolicySpec:
                     f"got {policy!r:.100}"
                 )
             own_name = getattr(policy, "__name__", type(policy).__name__)
-            return cls(name or str(own_name), None, policy)
+            return cls(str(own_name) if name is None else name, None, policy)
         if policy in POLICIES:
-            return cls(name or policy, {"policy": policy}, POLICIES[policy])
+            return cls(policy if name is None else name, {"policy": policy}, POLICIES[policy])
         parts = re.fullmatch(r"(.+\.py):(\w+)(?::(.+))?", policy)
         if parts is None:
             raise ValueError(
@@ -67,7 +71,8 @@ class PolicySpec:
             files.append(Path(argument))
         digest = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
         arguments = () if argument is None else (argument,)
-        return cls(name or own_name, {"policy": policy, "sha256": digest}, found, arguments)
+        source = {"policy": policy, "sha256": digest}
+        return cls(own_name if name is None else name, source, found, arguments)
 
     def make(self, scenario: Scenario) -> Callable[..., Any]:
         """Make the policy for a search with the given scenario."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from DroneSwarmSearch import __version__
 from DroneSwarmSearch._internal.arrays import Floats, Ints
-from DroneSwarmSearch._internal.files import write_text
+from DroneSwarmSearch._internal.files import csv_cell, write_text
 from DroneSwarmSearch.bound.success import SuccessBound
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.rules import Ending
@@ -271,5 +271,6 @@ def csv_text(evaluations: Iterable[Evaluation]) -> str:
     columns = dict.fromkeys(name for row in rows for name in row)
     writer = csv.DictWriter(out, list(columns), lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    for row in rows:
+        writer.writerow({name: csv_cell(value) for name, value in row.items()})
     return out.getvalue()

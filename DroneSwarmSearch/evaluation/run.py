@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from DroneSwarmSearch import __version__
 from DroneSwarmSearch._internal import checks
@@ -25,6 +27,8 @@ from DroneSwarmSearch.policies import SwarmPolicy
 
 # Episodes played together by a fresh copy of the policy: results are the same for any workers.
 PORTION = 500
+
+VERSIONS = {"package": __version__, "suite": SUITE_VERSION}  # results of others may differ
 
 
 def evaluate(
@@ -67,15 +71,16 @@ def evaluate(
             be deterministic, and for the package's policies except "random".
         workers: the number of processes; more than 1 needs joblib.
         ray: run on Ray instead: "local", "auto" or the address of a cluster.
-        out: a folder for a manifest and the finished result, which the same call then reads. The
-            results of policies in memory are written, but not read.
+        out: a folder for the finished result, which the same call then reads. It may hold results
+            of other calls; each file states what its result depends on. The results of policies in
+            memory are written, but not read.
         name: the policy's name in results.
         progress: show a progress bar on a terminal, if tqdm is installed.
 
     Raises:
         TypeError: an argument, or what the policy returns, is of the wrong type.
         ValueError: one is out of range; or a policy that is to be deterministic acts differently
-            after the same observations; or `out` holds the results of another run.
+            after the same observations; or a result in `out` is damaged.
         ImportError: joblib or Ray is needed and not installed.
         StorageError: the folder cannot be written.
     """
@@ -117,6 +122,27 @@ class Case:
         """The name of the result."""
         return f"{self.spec.name}.{self.search.name}"
 
+    def facts(self, episodes: int, seed: int) -> dict[str, Any]:
+        """Everything that the result of some episodes depends on."""
+        return {
+            **VERSIONS,
+            "policy": self.spec.name,
+            "source": dict(self.spec.source or {"policy": "in memory"}),
+            "search": self.search.name,
+            "parameters": self.search.fingerprint,
+            "view": asdict(self.view),
+            "is_exact": self.is_exact,
+            "episodes": episodes,
+            "seed": seed,
+        }
+
+    def empty(self, episodes: int) -> Episodes:
+        """Episodes in which nothing has happened, of the shapes of the result."""
+        scenario = self.search.scenario
+        persons = len(scenario.persons_to_find)
+        empty = Episodes.empty(episodes, persons, scenario.timestep_limit)
+        return empty.with_common_curve() if self.is_exact else empty
+
 
 def check_names(what: str, several: Sequence[PolicySpec] | Sequence[NamedSearch]) -> None:
     """Raise a ValueError unless there is at least one, and all names differ."""
@@ -137,12 +163,15 @@ def evaluate_cases(
     """Evaluate cases together, with bounds of some searches; `how`: workers, ray and progress."""
     end = checks.integer("seed", seed, 0) + checks.integer("episodes", episodes, 1)
     portions = [range(first, min(first + PORTION, end)) for first in range(seed, end, PORTION)]
-    folder = RunFolder(out, manifest([case.search for case in cases], cases, episodes, seed))
+    folder = RunFolder(out)
     bounds = bounds_of(bounded, folder, *how)
+    facts = {case: case.facts(episodes, seed) for case in cases}
     done: dict[Case, Episodes] = {}
     for case in cases:
-        if case.spec.source is not None and (known := folder.load(case.label, Episodes)):
-            done[case] = known
+        if case.spec.source is not None:
+            known = folder.load(case.label, facts[case], case.empty(episodes))
+            if known is not None:
+                done[case] = known
     left = [case for case in cases if case not in done]
     # Policies are prepared first, each once.
     policies = [
@@ -157,14 +186,20 @@ def evaluate_cases(
     for job, part in enumerate(finished(calls, "evaluation", *how)):
         parts.append(part)
         if len(parts) == len(portions):
-            case, whole = left[job // len(portions)], Episodes.joined(parts)
+            case = left[job // len(portions)]
+            whole = Episodes.joined(parts)
             done[case] = whole.with_common_curve() if case.is_exact else whole
-            folder.save(case.label, done[case])
+            folder.save(case.label, facts[case], done[case])
             parts = []
     return [
         Evaluation(
-            *(case.spec.name, case.search, seed, case.view, done[case], case.is_exact),
-            bounds.get(case.search.name),
+            policy=case.spec.name,
+            search=case.search,
+            seed=seed,
+            view=case.view,
+            episodes=done[case],
+            is_exact=case.is_exact,
+            bound=bounds.get(case.search.name),
         )
         for case in cases
     ]
@@ -174,31 +209,24 @@ def bounds_of(
     searches: Sequence[NamedSearch], folder: RunFolder, *how: Any
 ) -> dict[str, SuccessBound]:
     """The bounds of searches by name, see `evaluate_cases`; they ignore `bayesian_update`."""
-    known = {search.name: folder.load(f"{search.name}.bound", SuccessBound) for search in searches}
-    bounds = {name: bound for name, bound in known.items() if bound is not None}
+    bounds: dict[str, SuccessBound] = {}
+    for search in searches:
+        limit = search.scenario.timestep_limit
+        like = SuccessBound(np.zeros(limit + 1), relaxed=0.0, gap=0.0, confidence=0.0)
+        known = folder.load(f"{search.name}.bound", _bound_facts(search), like)
+        if known is not None:
+            bounds[search.name] = known
     left = [search for search in searches if search.name not in bounds]
     calls = [partial(success_bound, search.scenario, search.drones) for search in left]
     for search, bound in zip(left, finished(calls, "bounds", *how), strict=True):
         bounds[search.name] = bound
-        folder.save(f"{search.name}.bound", bound)
+        folder.save(f"{search.name}.bound", _bound_facts(search), bound)
     return bounds
 
 
-def manifest(
-    searches: Iterable[NamedSearch],
-    cases: Sequence[Case] = (),
-    episodes: int | None = None,
-    seed: int | None = None,
-) -> dict[str, Any]:
-    """Everything that the bounds of some searches, and the results of some cases, depend on."""
-    facts = {"package": __version__, "suite": SUITE_VERSION}
-    facts |= {
-        f"search {search.name}": search.with_posterior(False).fingerprint for search in searches
-    }
-    for case in cases:
-        source = {**(case.spec.source or {"policy": "in memory"}), **asdict(case.view)}
-        facts |= {f"policy {case.spec.name}: {key}": value for key, value in source.items()}
-    return {**facts, "episodes": episodes, "seed": seed} if cases else facts
+def _bound_facts(search: NamedSearch) -> dict[str, Any]:
+    """Everything that the bound of a search depends on."""
+    return {**VERSIONS, "search": search.with_posterior(False).fingerprint}
 
 
 def _play(policy: Callable[..., Any], case: Case, seeds: Sequence[int]) -> Episodes:

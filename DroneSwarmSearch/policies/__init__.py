@@ -58,9 +58,11 @@ def make(name: str, scenario: Scenario) -> BatchPolicy:
         scenario: the parameters of every search to steer.
 
     Raises:
-        TypeError: `scenario` is not a `Scenario`.
+        TypeError: `name` is not text, or `scenario` is not a `Scenario`.
         ValueError: no policy has this name.
     """
+    if not isinstance(name, str):
+        raise TypeError(f"name must be one of {', '.join(POLICIES)}, got {name!r:.100}")
     if name not in POLICIES:
         raise ValueError(
             f"name must be one of {', '.join(POLICIES)}, got {name!r}"

@@ -101,6 +101,8 @@ class SearchBatch:
         **parameters: Any,
     ) -> None:
         self.num_rows = rows = checks.integer("num_rows", num_rows, 1)
+        checks.boolean("wants_table", wants_table)
+        checks.boolean("finds_last", finds_last)
         if sampler is not None and situations is not None:
             raise ValueError("sampler cannot be given together with situations")
         self._scenario = scenario = resolve_scenario(scenario, **parameters)
@@ -216,13 +218,9 @@ class SearchBatch:
         scenarios, cells = [], []
         for _ in range(_CATALOGUE_SIZE):
             drawn = self._sampler(rng)
-            changes = {**drawn}
-            for name in changes:
-                if name not in _SAMPLED:
-                    raise ValueError(
-                        f"sampler must return parameters among {', '.join(_SAMPLED)}, got {name!r}"
-                    )
-            if (positions := changes.pop("drones_positions", None)) is not None:
+            changes = checks.known_keys("a search of sampler", drawn, _SAMPLED, ValueError)
+            positions = changes.pop("drones_positions", None)
+            if positions is not None:
                 cells.append(self._scenario.drone_cells(positions))
             scenarios.append(self._scenario.replace(**changes))
             persons = len(self._world.missing)
