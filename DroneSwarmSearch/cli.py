@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib.util
 import io
 import os
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from DroneSwarmSearch import __version__
 from DroneSwarmSearch.commands import evaluation, plan, play
+from DroneSwarmSearch.commands.options import add_parser
 from DroneSwarmSearch.core.scenario import MISSIONS
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.palette import PALETTES
 
 PROGRAM = "python -m DroneSwarmSearch"
+
+NEGATIVE = re.compile(r"-\.?\d")  # what negative numbers begin with, and no option does
 
 # A summary, a description and examples of each.
 COMMANDS = {
@@ -134,9 +140,33 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(sys.stdout, io.TextIOWrapper):
             # An ASCII terminal shows "?" for missing characters, instead of failing.
             sys.stdout.reconfigure(errors="replace")
-    if not argv or (argv[0].startswith("-") and argv[0] not in ("-h", "--help")):
+    if not argv or (argv[0].startswith("-") and argv[0] not in ("-h", "--help", "--version")):
         argv = ["play", *argv]
-    code = evaluation.run(_parser().parse_args(argv))
+    # A text that begins with a space is no option, and -33.9,18.4 is a position.
+    argv = [f" {text}" if NEGATIVE.match(text) else text for text in argv]
+    with _open_streams():
+        return _run(_parser().parse_args(argv))
+
+
+@contextlib.contextmanager
+def _open_streams() -> Iterator[None]:
+    """Let a closed standard output or standard error go where the other one goes."""
+    stdout, stderr = sys.stdout, sys.stderr
+    if stdout is not None and stderr is not None:
+        yield
+        return
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:
+        sys.stdout = stdout or stderr or nowhere
+        sys.stderr = stderr or stdout or nowhere
+        try:
+            yield
+        finally:
+            sys.stdout, sys.stderr = stdout, stderr
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Run a command; returns the exit code, which is not 0 if its output cannot be written."""
+    code = evaluation.run(options)
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -155,11 +185,17 @@ def _parser() -> argparse.ArgumentParser:
         usage=f"{PROGRAM} [play [SEARCH]] [options]\n       {PROGRAM} COMMAND [arguments]",
         epilog=f"`{PROGRAM} COMMAND --help` describes the options of each.",
     )
+    parser.add_argument("--version", action="version", version=f"DroneSwarmSearch {__version__}")
     several = parser.add_subparsers(title="commands", metavar="COMMAND", prog=PROGRAM)
     for name, text in COMMANDS.items():
         summary, description, more = text.split("\n\n", 2)
-        command = several.add_parser(
-            name, help=summary, description=description, epilog=more, formatter_class=FORMAT
+        command = add_parser(
+            several,
+            name,
+            help=summary,
+            description=description,
+            epilog=more,
+            formatter_class=FORMAT,
         )
         command.set_defaults(parser=command, function=getattr(evaluation, name, None))
         if name in ("play", "plan"):

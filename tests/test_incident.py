@@ -24,6 +24,7 @@ from DroneSwarmSearch.drift.leeway import KNOT, current_towards, wind_from
 from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.incident import FlightPlan, Incident, units
+from DroneSwarmSearch.incident.flights import up_to_the_minute
 from DroneSwarmSearch.incident.patterns import KINDS, PARALLEL, SECTOR, SQUARE, Pattern
 
 pytest.importorskip("cmaes")
@@ -153,7 +154,7 @@ def test_flows_are_read_as_they_are_typed(tmp_path):
         (["320 30kn@2026-03-01T08:00Z", "300 25kn"], series),
         ({0: first, 9000: "320 30 kn"}, series),
         (str(tmp_path / "wind.csv"), series),
-        (["300 25kn@05:30Z", "320 30kn@04:30Z"], {0.0: first, 82800.0: second}),  # tomorrow
+        (["300 25kn@05:30Z", "320 30kn@04:30Z"], {-3600.0: second, 0.0: first}),  # an hour before
     ):
         assert Incident(**{**KNOWN, "wind": typed}).wind == expected
     assert Incident(**{**KNOWN, "current": "NW 1kn"}).current == current_towards(315, KNOT)
@@ -242,9 +243,10 @@ def test_drones_fly_at_heights_of_their_own_and_search_between(plan):
         assert 5 < len(flight) <= 45
         first, scene, last = flight[0], flight[1], flight[-1]
         for text in (
-            f"Drone {number}: ",
+            f"Drone {number + 1}: ",
             f"commence search point {units.radioed((scene.latitude, scene.longitude))}",
-            f"height {first.altitude:.0f} m, take-off 06:30, on scene {scene.time:%H:%M}",
+            f"height {first.altitude:.0f} m, take-off 06:30, ",
+            f"on scene {up_to_the_minute(scene.time):%H:%M}, ",
             f"landing {last.time:%H:%M} UTC.",
         ):
             assert text in plan.orders[number]
@@ -327,7 +329,7 @@ def test_a_plan_says_what_a_drone_an_hour_or_the_wind_would_change(plan, monkeyp
     tried: list[dict[str, Any]] = []
     monkeypatch.setattr(FlightPlan, "with_changes", lambda self, **to: tried.append(to) or plan)
     line = (
-        "One more drone: +0 points. Half an hour more: +0 points. A wind 5 kn stronger: +0 points."
+        "One more drone: no change. Half an hour more: no change. A wind 5 kn stronger: no change."
     )
     text = summary(plan)
     assert line in " ".join(text.split()) and max(map(len, text.splitlines())) == 79
@@ -437,7 +439,8 @@ def test_a_missing_package_names_the_extra(monkeypatch):
         ({"wind": "25kn"}, "wind, such as 300 25kn: a direction is degrees"),
         ({"wind": "no.csv"}, "wind must name a file, but there is no 'no.csv'"),
         ({"current": __file__[:-3] + ".nc"}, "current must name a file, but there is no"),
-        ({"wind": None}, "object_class and wind must be given, or tracks in their place, got"),
+        ({"wind": None}, "wind must be given, such as 300 25kn, or tracks in its place"),
+        ({"object_class": None}, "object_class must be given, such as PIW-1, a person in the"),
         ({"current": (9, 0)}, "current must be at most 5 m/s fast"),
         ({"time": "2026-03-01T05:30"}, "time must be a time with a zone, such as"),
         ({"time": "yesterday"}, "time must be a time with a zone, such as"),
@@ -449,7 +452,7 @@ def test_a_missing_package_names_the_extra(monkeypatch):
         ({"probability_of_detection": 1.2}, "probability_of_detection must be a finite number"),
         ({"endurance": "45"}, "endurance: a number and a unit (h, hr, hrs, hour, hours, min"),
         ({"speed": "0 kn"}, "speed must be a finite number above 0, got 0.0"),
-        ({"wind_error": -1}, "wind_error must be a finite number of at least 0, got -1"),
+        ({"wind_error": -1}, "wind_error must be a finite number of at least 0.0 and at most 60"),
         ({"reserve": 2700}, "reserve must be less than the endurance, 2700 s, got 2700 s"),
     ],
 )

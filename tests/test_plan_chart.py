@@ -70,7 +70,7 @@ def test_the_title_and_the_legend_say_what_is_planned():
         " NM",
     ):
         assert text in shown, text
-    assert {"N", "50%", "90%", "drone 0", "drone 1", "drone 2", "5"} <= set(texts(plan))
+    assert {"N", "50%", "90%", "drone 1", "drone 2", "drone 3", "5"} <= set(texts(plan))
 
 
 def test_ticks_are_where_their_positions_are():

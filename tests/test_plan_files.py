@@ -53,7 +53,7 @@ def away(point: tuple[float, ...], waypoint: Waypoint) -> float:
 
 def test_gpx_has_a_route_for_each_drone(plan, folder):
     routes = gpxpy.parse((folder / "plan.gpx").read_text("utf-8")).routes
-    assert [route.name for route in routes] == ["drone 0", "drone 1", "drone 2"]
+    assert [route.name for route in routes] == ["drone 1", "drone 2", "drone 3"]
     for route, flight in zip(routes, plan.flights, strict=True):
         assert route.description in plan.orders
         assert len({point.name for point in route.points}) == len(flight)
@@ -61,7 +61,7 @@ def test_gpx_has_a_route_for_each_drone(plan, folder):
             assert away((point.longitude, point.latitude), waypoint) < 1e-6
             assert abs(point.time - waypoint.time) < MILLISECOND
             assert point.elevation == waypoint.altitude
-    assert routes[1].points[3].name == "1-03"
+    assert routes[1].points[3].name == "2-03"
 
 
 def test_kml_is_valid_and_shows_flights_in_time(plan, folder):
@@ -127,7 +127,7 @@ def test_geojson_has_lines_and_waypoints(plan, folder):
     assert collection["type"] == "FeatureCollection"
     known, *features = collection["features"]
     assert known["geometry"]["coordinates"] == list(plan.incident.position[::-1])
-    for drone, flight in enumerate(plan.flights):
+    for drone, flight in enumerate(plan.flights, 1):
         line, *waypoints = [each for each in features if each["properties"]["drone"] == drone]
         shape, properties = shapely.geometry.shape(line["geometry"]), line["properties"]
         assert shape.is_valid
@@ -158,7 +158,7 @@ FIELDS = {"autoContinue", "command", "doJumpId", "frame", "params", "type"}
 
 def test_missions_are_read_by_ground_stations(plan, tmp_path):
     missions.save(plan, tmp_path)
-    for number, flight in enumerate(plan.flights):
+    for number, flight in enumerate(plan.flights, 1):
         loader = mavwp.MAVWPLoader()
         assert loader.load(str(tmp_path / f"drone{number}.waypoints")) == len(flight) + 2
         home, take_off, speed, *points, back = [loader.wp(n) for n in range(loader.count())]
@@ -186,7 +186,7 @@ def test_missions_are_read_by_ground_stations(plan, tmp_path):
 
 def test_csv_comes_back(plan, folder):
     flights = files.read_csv(folder / "plan.csv")
-    for flight, written in zip(flights, plan.flights, strict=True):
+    for (_, flight), written in zip(flights, plan.flights, strict=True):
         for waypoint, other in zip(flight, written, strict=True):
             assert away((waypoint.longitude, waypoint.latitude), other) < 1e-7
             assert abs(waypoint.time - other.time) < MILLISECOND
@@ -221,13 +221,15 @@ def test_flights_really_flown_need_few_columns(tmp_path):
     path = tmp_path / "flown.csv"
     path.write_text(FLOWN, "utf-8")
     start = datetime(2026, 3, 1, 6, 30, tzinfo=timezone.utc)
-    assert files.read_csv(path) == [
+    lines = [[f"{path}, line 3"], [f"{path}, line 2", f"{path}, line 4"]]
+    flights = [
         [Waypoint(start + timedelta(minutes=1), 54.20, 7.86, 0.0, True)],
         [
             Waypoint(start, 54.18, 7.85, 0.0, True),
             Waypoint(start + timedelta(seconds=10.5), 54.19, 7.85, 0.0, True),
         ],
     ]
+    assert files.read_csv(path) == [*zip(lines, flights, strict=True)]
 
 
 GOOD = "drone,time_utc,latitude_deg,longitude_deg,searching\n0,2026-03-01T06:30Z,54.18,7.85,TRUE\n"

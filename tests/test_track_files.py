@@ -387,7 +387,7 @@ def ragged(path: Path) -> None:
         ),
         (
             lambda path: write(path, [[DRIFTING[0], NOWHERE, *DRIFTING[2:]]]),
-            "or NaN at the start or in the middle, in 1 tracks",
+            r"must hold tracks without gaps, got \(nan, nan\) in element 0 at 2026-06-01 13:00",
         ),
     ],
 )

@@ -49,7 +49,7 @@ def test_curves_are_plotted_with_the_baselines(tmp_path, monkeypatch):
     [axes] = drawn[0].axes
     mean = 50 * sum(each.success.value for each in baselines)
     labelled = {line.get_label(): line for line in axes.lines if line.get_label()[0] != "_"}
-    assert [*labelled] == ["found here", "other", f"greedy-matrix {mean:.1f}%"]
+    assert [*labelled] == ["found here", "other", "single rows", f"greedy-matrix {mean:.1f}%"]
     assert labelled[f"greedy-matrix {mean:.1f}%"].get_ydata()[0] == pytest.approx(mean / 100)
     assert {line.get_marker() for line in labelled.values()} >= {"", "o"}  # 40 and 20 rows
     assert axes.get_xlim()[0] == 0 and axes.get_ylim()[0] == 0

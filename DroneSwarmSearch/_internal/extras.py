@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import os
 from typing import Any
 
 
@@ -13,3 +15,21 @@ def needed(module: str, reason: str, extra: str) -> Any:
     except ImportError as error:
         hint = f'{reason}: pip install "DroneSwarmSearchEnvironment[{extra}]"'
         raise ImportError(hint) from error
+
+
+def import_matplotlib(reason: str, extra: str) -> None:
+    """Import Matplotlib, or raise an ImportError as `needed` does.
+
+    Figures of this package use no backend of pyplot. But Matplotlib refuses to be imported if the
+    environment's MPLBACKEND names one that is missing, as Jupyter's often is in other environments.
+    The setting is kept for the caller's own plots.
+    """
+    backend = os.environ.pop("MPLBACKEND", None)
+    try:
+        matplotlib = needed("matplotlib", reason, extra)
+        if backend:
+            with contextlib.suppress(ValueError):
+                matplotlib.rcParams["backend"] = backend
+    finally:
+        if backend is not None:
+            os.environ["MPLBACKEND"] = backend

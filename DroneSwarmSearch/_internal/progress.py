@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Callable, Iterator
 
 FORMAT = "{desc}: {percentage:3.0f}%|{bar}| {remaining} left"
@@ -19,7 +20,8 @@ def progress(what: str, total: float, visible: bool = True) -> Iterator[Callable
     except ImportError:
         yield lambda done: None
         return
-    is_disabled = None if visible else True  # None: unless stderr is a terminal
+    # None: unless stderr is a terminal. It may be closed, or replaced by None.
+    is_disabled = True if not visible or sys.stderr is None else None
     how = {"leave": False, "delay": 2.0, "bar_format": FORMAT, "disable": is_disabled}
     with tqdm(total=total, desc=what, **how) as bar:
         yield lambda done: bar.update(done - bar.n)

@@ -10,11 +10,14 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
-from DroneSwarmSearch._internal.extras import needed
+from DroneSwarmSearch._internal.extras import import_matplotlib
+from DroneSwarmSearch.commands.options import Once
 from DroneSwarmSearch.drift import leeway
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
+from DroneSwarmSearch.incident.flights import up_to_the_minute
 from DroneSwarmSearch.incident.flows import stronger
 from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.plan_folder import INCIDENT, listed, try_plan_folder
 
 NAMES = {
     "position_sd": "--error",
@@ -22,6 +25,8 @@ NAMES = {
     "probability_of_detection": "--detection",
 }
 """Options that do not have the names of an incident's values."""
+
+CANNOT_FLY = re.compile("endurance must leave time|speed must exceed")  # refusals of the choice
 
 MINUTES = 5, 10, 20, 30, 45, 60, 90, 120
 
@@ -72,39 +77,62 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", "the folder to write", metavar="DIR", type=Path, required=True)
 
 
-class _Words(argparse.Action):
+class _Words(Once):
     """Joins words, so that 25 kn and 25kn are the same."""
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option_string: Any = None) -> None:
-        setattr(namespace, self.dest, " ".join(values))
+        super().__call__(parser, namespace, " ".join(values), option_string)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Plan, write the folder, and print one screen."""
-    needed("matplotlib", "the map needs the package matplotlib", "plan")  # not after planning
+    """Plan, print one screen, and write the folder."""
+    import_matplotlib("the map needs the package matplotlib", "plan")  # not after planning
     try:
-        plan = _incident(options).plan()
-    except ValueError as error:
-        name, rest = re.fullmatch(r"(\w*)(.*)", str(error), re.DOTALL).groups()  # type: ignore[union-attr]
-        option = NAMES.get(name, f"--{name.replace('_', '-')}")
-        raise ValueError(f"{option if hasattr(options, name) else name}{rest}") from None
-    plan.save(options.out)
-    print(f"{summary(plan)}\nWritten to {options.out}.")
+        incident = _incident(options)
+        try_plan_folder(options.out)
+        plan = incident.plan()
+    except (TypeError, ValueError) as error:
+        raise type(error)(_as_typed(str(error), options)) from None
+    try:
+        print(summary(plan), flush=True)
+    finally:  # also if nobody reads the summary
+        left = plan.save(options.out)
+    print(f"Written to {options.out}.")
+    if left:
+        print(f"Left there, because no plan has written it: {listed(left)}.")
+
+
+def _as_typed(message: str, options: argparse.Namespace) -> str:
+    """A message about a value of an incident that names its option instead."""
+    match = re.match(r"\w+", message)
+    name = match.group() if match else ""
+    option = NAMES.get(name, f"--{name.replace('_', '-')}")
+    if getattr(options, f"{name}_file", None):
+        option = f"{option}-file"
+    if not hasattr(options, name):
+        return message
+    return option + message[len(name) :]
 
 
 def _incident(options: argparse.Namespace) -> Incident:
     """The incident that the options describe."""
+    if options.after is not None and options.incident is not None:
+        raise ValueError("--after cannot be given together with --incident")
     values = {field.name: getattr(options, field.name, None) for field in fields(Incident)}
     for name in ("wind", "current"):
-        if file := getattr(options, f"{name}_file"):
+        file = getattr(options, f"{name}_file")
+        if file is not None and values[name] is not None:
+            raise ValueError(f"--{name} cannot be given together with --{name}-file")
+        texts = [" ".join(words) for words in values[name] or ()]
+        if file is not None:
             values[name] = file
-        elif texts := [" ".join(words) for words in values[name] or ()]:
+        elif texts:
             values[name] = texts[0] if len(texts) == 1 else texts
     given = {name: value for name, value in values.items() if value is not None}
     if options.after is not None:
         start, folder = given.pop("start", None), Path(options.after)
-        flown = _read(folder / "incident.json", given)
-        return flown.after(folder / "plan.csv", start)
+        before = _read(folder / INCIDENT, {})
+        return before.after(folder / "plan.csv", start, **given)
     if options.incident is not None:
         return _read(Path(options.incident), given)
     return Incident(**given)
@@ -130,31 +158,50 @@ def summary(plan: FlightPlan) -> str:
 
     What more would bring comes from quick plans, which begin with the patterns of this one.
     """
-    incident, scene = plan.incident, plan.on_scene
-    times = {minute: scene + timedelta(minutes=minute) for minute in MINUTES}
-    success = [f"{plan.success(t):.0%} after {m}" for m, t in times.items() if t < plan.landed]
-    changes: dict[str, dict[str, Any]] = {
-        "One more drone": {"drones": incident.drones + 1},
-        "Half an hour more": {"endurance": incident.endurance + 1800},
-    }
-    if incident.tracks is None and not isinstance(incident.wind, str):
-        changes["A wind 5 kn stronger"] = {"wind": stronger(incident.wind, 5 * leeway.KNOT)}
+    scene = plan.on_scene
+    by_minute = []
+    for minutes in MINUTES:
+        time = scene + timedelta(minutes=minutes)
+        if time < plan.landed:
+            by_minute.append(f"{plan.success(time):.0%} after {minutes}")
+    success = f"PROBABILITY OF SUCCESS {plan.probability_of_success:.0%} by {plan.landed:%H:%M} UTC"
+    if by_minute:
+        begin = up_to_the_minute(scene)
+        success += f": {', '.join(by_minute)} minutes from {begin:%H:%M} on"
+    more = [f"{name}: {_difference(plan, values)}." for name, values in _changes(plan).items()]
     lines = [
-        incident.sentence,
-        f"After {len(incident.flown)} flights that found nobody." if incident.flown else "",
-        f"PROBABILITY OF SUCCESS {plan.probability_of_success:.0%} by {plan.landed:%H:%M} UTC: "
-        f"{', '.join(success)} minutes from {scene:%H:%M} on.",
+        plan.incident.sentence,
+        " ".join(plan.earlier),
+        f"{success}.",
         *plan.orders,
-        " ".join(f"{name}: {_difference(plan, values)}." for name, values in changes.items()),
+        " ".join(more),
         "Assumed: " + " ".join(plan.assumptions),
     ]
     return "\n".join(textwrap.fill(line, 79) for line in lines if line)
 
 
+def _changes(plan: FlightPlan) -> dict[str, dict[str, Any]]:
+    """What could be otherwise, in words, and the values that it changes."""
+    incident = plan.incident
+    changes: dict[str, dict[str, Any]] = {
+        "One more drone": {"drones": incident.drones + 1},
+        "Half an hour more": {"endurance": incident.endurance + 1800},
+    }
+    # Another wind would also have moved those whom earlier flights looked for.
+    if incident.tracks is None and not isinstance(incident.wind, str) and not incident.flown:
+        wind = stronger(incident.wind, 5 * leeway.KNOT)
+        changes["A wind 5 kn stronger"] = {"wind": wind}
+    return changes
+
+
 def _difference(plan: FlightPlan, values: dict[str, Any]) -> str:
-    """What other values change, in points, or that drones cannot fly then."""
+    """What other values change, in points, or why they cannot be planned."""
     try:
         more = plan.with_changes(**values).probability_of_success
-    except ValueError:
-        return "drones cannot fly there and back"
-    return f"{100 * (more - plan.probability_of_success):+.0f} points"
+    except ValueError as error:
+        if CANNOT_FLY.match(str(error)):
+            return "drones cannot fly there and back"
+        return "unknown, beyond the limits of what is given"
+    points = round(100 * (more - plan.probability_of_success))
+    noun = "point" if abs(points) == 1 else "points"
+    return f"{points:+d} {noun}" if points else "no change"

@@ -37,6 +37,10 @@ class TangentPlane:
         away: Floats = (_geocentric(latitude, longitude) - self._origin) @ self._axes[:2].T
         return away
 
+    def distance(self, latitude: float, longitude: float) -> float:
+        """The distance of a position in metres; through the earth, but right also when far away."""
+        return float(np.linalg.norm(_geocentric(latitude, longitude) - self._origin))
+
     def degrees(self, metres: ArrayLike) -> Floats:
         """Metres (east, north), (..., 2), as (latitude, longitude) in degrees, of that shape."""
         # The height over the plane at which the ellipsoid is, by a quadratic equation.

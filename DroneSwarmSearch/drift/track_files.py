@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,11 @@ from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.drift.scale import Scale
 
 USUAL = {"lon": "longitude", "lat": "latitude"}  # names of variables without a standard name
+FASTEST = 30.0  # m/s, along each axis; nothing drifts so fast
+FAR = 1.0  # degrees from (0, 0), at which other tracks make one there a mistake
+
+MOST_VALUES = 2**27  # of a variable, 1 GiB as float64; small files may unpack to much more
+
 MOST_LOST = 0.1  # the largest share of lost tracks: nobody knows what became of them
 
 
@@ -69,6 +75,7 @@ def positions(
 def first_known(path: Path) -> tuple[Pair, datetime]:
     """The mean (latitude, longitude) of the first positions of a file, and their time."""
     degrees, seconds, _ = _read(path)
+    _check_speeds(path, degrees, seconds)
     known = int(np.flatnonzero(np.isfinite(degrees[0]).any(axis=1))[0])
     longitude, latitude = np.radians(degrees[:, known])
     middle = np.nanmean(np.exp(1j * longitude))  # also at the date line
@@ -92,6 +99,8 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
         }
         try:
             longitude, latitude, time = (named[key] for key in ("longitude", "latitude", "time"))
+            for variable in data.variables.values():
+                check_size(path, variable.name, variable.size)
             (when,) = time.dimensions
             across = longitude.dimensions.index(when)
             seconds = since_1970(time[:], time)
@@ -113,6 +122,8 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
             if "stranded" in meanings and status.dimensions == longitude.dimensions:
                 code = np.atleast_1d(status.flag_values)[meanings.index("stranded")]
                 stranded = np.any(np.ma.getdata(status[:]) == code, axis=across)
+        except TooLargeError:
+            raise
         except (AttributeError, KeyError, RuntimeError, TypeError, ValueError):
             got = ", ".join(f"{k}({', '.join(v.dimensions)})" for k, v in data.variables.items())
             units = getattr(named.get("time"), "units", "no units")
@@ -128,7 +139,72 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
             f"{path} must have times that increase, because tracks run forward, got {after} after "
             f"{before}" + ": a simulation backward in time" * (len(back) == len(seconds) - 1)
         )
+    _check_degrees(path, degrees, seconds)
     return degrees, seconds, stranded
+
+
+def _check_degrees(path: Path, degrees: Floats, seconds: Floats) -> None:
+    """Raise a ValueError, with the file and the element, for what no track of a drift can be."""
+    longitude, latitude = degrees
+    known = np.isfinite(longitude) & np.isfinite(latitude)
+    if not known.any():
+        raise ValueError(f"{path} must hold tracks, got no known position")
+
+    refuse = partial(_refuse, path, degrees, seconds)
+    with np.errstate(invalid="ignore"):
+        wrong = (np.abs(latitude) > 90.0) | (np.abs(longitude) > 360.0)
+    refuse(wrong, "degrees", "a fill value must be declared")
+
+    nowhere = (latitude == 0.0) & (longitude == 0.0)
+    elsewhere = known & ~nowhere
+    if elsewhere.any():
+        median = [np.median(np.abs(values[elsewhere])) for values in (latitude, longitude)]
+        if max(median) > FAR:
+            refuse(nowhere, "tracks near each other", "missing values must be declared")
+
+    seen = np.logical_or.accumulate(known, axis=0)
+    goes_on = np.logical_or.accumulate(known[::-1], axis=0)[::-1]
+    refuse(seen & goes_on & ~known, "tracks without gaps", "elements that end do not come back")
+
+
+def _check_speeds(path: Path, degrees: Floats, seconds: Floats) -> None:
+    """Raise a ValueError, with the file and the element, if a track jumps."""
+    longitude, latitude = degrees
+    known = np.isfinite(longitude) & np.isfinite(latitude)
+    plane = TangentPlane(float(latitude[known][0]), float(longitude[known][0]))
+    moves = np.abs(np.diff(plane.metres(latitude, longitude), axis=0)).max(axis=2)
+    fast = np.zeros_like(known)
+    with np.errstate(invalid="ignore"):
+        fast[1:] = moves > FASTEST * np.diff(seconds)[:, None]
+    what = f"tracks of at most {FASTEST:g} m/s along each axis"
+    _refuse(path, degrees, seconds, fast, what, "nothing drifts so fast")
+
+
+def _refuse(
+    path: Path, degrees: Floats, seconds: Floats, wrong: Flags, what: str, hint: str
+) -> None:
+    """Raise a ValueError about the first wrong position, (times, P), if there is any."""
+    if not wrong.any():
+        return
+    time, element = np.argwhere(wrong)[0]
+    longitude, latitude = degrees[:, time, element]
+    raise ValueError(
+        f"{path} must hold {what}, got ({latitude:g}, {longitude:g}) in element {element} at "
+        f"{_utc(seconds[time])}, and {np.count_nonzero(wrong) - 1:,} others: {hint}"
+    )
+
+
+class TooLargeError(ValueError):
+    """A variable has more values than are read."""
+
+
+def check_size(path: Path, name: str, size: int) -> None:
+    """Raise an error before a variable of so many values is read."""
+    if size > MOST_VALUES:
+        raise TooLargeError(
+            f"{path} must have at most {MOST_VALUES:,} values in a variable, got {size:,} in "
+            f"{name}: save a smaller area or fewer times"
+        )
 
 
 def opened(path: Path) -> Any:

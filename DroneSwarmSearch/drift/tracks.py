@@ -245,7 +245,10 @@ class Tracks:
                 )
             if released and start is None:
                 arguments["start"] = released.isoformat()
-            tracks = cls(positions)
+            try:
+                tracks = cls(positions)
+            except ValueError as error:
+                raise ValueError(f"{path}: {error}") from None
             tracks.stranded, tracks.lost = stranded, lost
             arguments["scale"] = [scale.metres_per_cell, scale.seconds_per_step]
         digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()

@@ -8,21 +8,18 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from statistics import fmean
 
-try:
-    from matplotlib import rcParams, style
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from matplotlib.ticker import PercentFormatter
-except ImportError as error:
-    raise ImportError(
-        'plots need the package matplotlib: pip install "DroneSwarmSearchEnvironment[evaluation]"',
-        name=error.name,
-    ) from error
-
 import numpy as np
 
+from DroneSwarmSearch._internal.extras import import_matplotlib
 from DroneSwarmSearch._internal.files import write_bytes
 from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds
+
+import_matplotlib("plots need the package matplotlib", "evaluation")
+
+from matplotlib import rcParams, style  # noqa: E402
+from matplotlib.figure import Figure  # noqa: E402
+from matplotlib.lines import Line2D  # noqa: E402
+from matplotlib.ticker import PercentFormatter  # noqa: E402
 
 WIDTH = 5.2  # the width of a plot in inches: narrow, so that its text is legible on a phone
 STYLES = "DroneSwarmSearch.evaluation"

@@ -18,8 +18,8 @@ On the command line, ``droneswarmsearch plan`` does the same.
 """
 
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
-from DroneSwarmSearch.incident.flights import Waypoint
+from DroneSwarmSearch.incident.flights import FlownFlight, Waypoint
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.patterns import Pattern
 
-__all__ = ["FlightPlan", "Incident", "Pattern", "Waypoint"]
+__all__ = ["FlightPlan", "FlownFlight", "Incident", "Pattern", "Waypoint"]

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch._internal.extras import needed
+from DroneSwarmSearch._internal.extras import import_matplotlib
 from DroneSwarmSearch._internal.files import write_bytes
 from DroneSwarmSearch.drift.leeway import KNOT
 from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.incident import units
-from DroneSwarmSearch.incident.flights import track
+from DroneSwarmSearch.incident.flights import track, up_to_the_minute
 from DroneSwarmSearch.incident.planned_flights import PlannedFlights
 from DroneSwarmSearch.rendering.palette import INK, drone_colour, readable_on
 
@@ -47,7 +47,9 @@ STYLE = {
 
 def save(plan: PlannedFlights, folder: Path) -> None:
     """Write `map.png`, 1,322 pixels wide, and `map.svg`, and perhaps more sheets, `map2.png`..."""
-    style = needed("matplotlib.style", "the map needs the package matplotlib", "plan")
+    import_matplotlib("the map needs the package matplotlib", "plan")
+    from matplotlib import style
+
     with style.context(["default", "DroneSwarmSearch.evaluation.light", STYLE]):
         for sheet, first in enumerate(range(0, len(plan.flights), PER_SHEET), 1):
             figure = draw(plan, range(first, min(first + PER_SHEET, len(plan.flights))))
@@ -97,10 +99,10 @@ def draw(plan: PlannedFlights, drones: Sequence[int]) -> Figure:
     axes.annotate("", means[1], means[0], arrowprops=arrow | {"shrinkA": 0, "shrinkB": 0}, zorder=6)
     label = f"mean drift {_course(means[1] - means[0])}"
     axes.plot([], [], marker=r"$\Rightarrow$", label=label, **SIGN)
-    axes.plot([], [], marker="$10$", label=f"minutes since {start:%H:%M}", **SIGN)
+    axes.plot([], [], marker="$10$", label=f"minutes since {up_to_the_minute(start):%H:%M}", **SIGN)
     up = 11 if known[1] >= base[1] else -11  # the name of the northern place above it
     away = f": {_course(base - known)} from there" if np.hypot(*(base - known)) > point else ""
-    _place(axes, base, "s", 15, f"take-off, {start:%H:%M}", -up, away)
+    _place(axes, base, "s", 15, f"take-off, {up_to_the_minute(start):%H:%M}", -up, away)
     _place(axes, known, "oP", 8, f"last known position, {incident.time:%H:%M}", up, "")
 
     flights = [plan.flights[drone] for drone in drones]
@@ -118,13 +120,13 @@ def draw(plan: PlannedFlights, drones: Sequence[int]) -> Figure:
         dashes = (0, DASHES[drone % len(DASHES)])
         axes.plot(*points[:2].T, ":", color=ink, linewidth=0.7)
         axes.plot(*points[-2:].T, ":", color=ink, linewidth=0.7)
-        axes.plot(*points[1:-1].T, linestyle=dashes, label=f"drone {drone}", **look)
+        axes.plot(*points[1:-1].T, linestyle=dashes, label=f"drone {drone + 1}", **look)
         for time in np.arange(minutes[1] + gap / 2, minutes[-2], gap):
             tail, tip = _between(points, minutes, [time - gap / 20, time + gap / 20])
             axes.annotate("", tip, tail, arrowprops=HEAD | {"color": ink})
         look = {"zorder": 8, "clip_on": True, **CENTRED}
         circle = {"boxstyle": "circle", "facecolor": colour, "edgecolor": ink}
-        axes.text(*points[1], f"{drone}", bbox=circle, color=white, **{**look, "zorder": 10})
+        axes.text(*points[1], f"{drone + 1}", bbox=circle, color=white, **{**look, "zorder": 10})
         marked.append(points[1])
         times = np.arange(np.ceil(minutes[1] / step), minutes[-2] / step) * step
         for time, at in zip(times, _between(points, minutes, times), strict=True):
@@ -144,13 +146,18 @@ def draw(plan: PlannedFlights, drones: Sequence[int]) -> Figure:
     title = f"{incident.target.partition(' (')[0]}: probability of success"
     look = {"fontsize": 12, "weight": "bold"}
     success = f"{plan.probability_of_success:.0%} by {plan.landed:%H:%M} UTC"
-    axes.set_title(fill(f"{title} {success}", 78), loc="left", pad=34, **look)
+    axes.set_title(_wrapped(f"{title} {success}", 78), loc="left", pad=34, **look)
     look = {"transform": axes.transAxes, "va": "top", "fontsize": 7.5}
-    axes.text(0, 1.055, fill(incident.sentence, 130), **look)
+    axes.text(0, 1.055, _wrapped(incident.sentence, 130), **look)
     _table(figure, plan, drones)
     text = " ".join(plan.assumptions)
-    figure.text(50 / PAGE[0], 24 / PAGE[1], fill(text, 135), va="bottom", fontsize=7.5)
+    figure.text(50 / PAGE[0], 24 / PAGE[1], _wrapped(text, 135), va="bottom", fontsize=7.5)
     return figure
+
+
+def _wrapped(text: str, width: int) -> str:
+    """A text in lines of at most so many characters, in which Matplotlib reads no formula."""
+    return fill(text, width).replace("$", r"\$")
 
 
 def _table(figure: Figure, plan: PlannedFlights, drones: Sequence[int]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -11,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Pair, Singles
-from DroneSwarmSearch.drift.track_files import opened, since_1970
+from DroneSwarmSearch._internal.text import printable
+from DroneSwarmSearch.drift.track_files import check_size, opened, since_1970
 
 NAMES = {
     "current": (
@@ -86,9 +88,11 @@ class Field:
                 (variable,) = named[name]
                 if (unit := getattr(variable, "units", "m/s")).lower() not in METRES_PER_SECOND:
                     raise ValueError(f"{kind} must be in m/s, got {variable.name} in {unit}")
-                axes, values = _around(data, variable, kind, position)
+                axes, values = _around(path, data, variable, kind, position)
                 components.append(values)
-            model = str(getattr(data, "title", "") or getattr(data, "source", "") or path.name)
+            model = printable(
+                getattr(data, "title", "") or getattr(data, "source", "") or path.name
+            )
         is_known = np.all(np.isfinite(components), axis=0)
         stacked = [*np.where(is_known, components, 0.0), is_known]
         flat = np.stack(stacked, axis=-1).astype(np.float32).reshape(len(components[0]), -1, 3)
@@ -154,8 +158,12 @@ def _between(at: Any, axis: Floats) -> tuple[Ints, Floats]:
     return before, index - before
 
 
-def _around(data: Any, variable: Any, kind: str, position: Pair) -> tuple[list[Floats], Floats]:
+def _around(
+    path: Path, data: Any, variable: Any, kind: str, position: Pair
+) -> tuple[list[Floats], Floats]:
     """The times, latitudes and longitudes around a position, and a variable's values there."""
+    for axis in variable.dimensions:
+        check_size(path, axis, len(data.dimensions[axis]))
     number, index = {}, [slice(0, 1)] * variable.ndim
     for place, name in enumerate(variable.dimensions):
         if name not in data.variables:
@@ -193,6 +201,8 @@ def _around(data: Any, variable: Any, kind: str, position: Pair) -> tuple[list[F
     axes = [number[role] for role in AXES]
     for axis, near in zip(axes, order, strict=True):
         index[axis] = slice(int(near.min()), int(near.max()) + 1)
+    size = math.prod(part.stop - part.start for part in index)
+    check_size(path, variable.name, size)
     read = np.ma.filled(variable[tuple(index)].astype(np.float64), np.nan)
     read = np.moveaxis(read, axes, range(3)).reshape([int(np.ptp(near)) + 1 for near in order])
     return values, read[np.ix_(*(near - near.min() for near in order))]

@@ -17,9 +17,10 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch._internal.files import write_bytes, write_text
-from DroneSwarmSearch.incident.flights import Flight, Waypoint, in_utc, track
+from DroneSwarmSearch._internal.files import csv_cell, write_bytes, write_text
+from DroneSwarmSearch.incident.flights import Flight, Waypoint, track
 from DroneSwarmSearch.incident.planned_flights import PlannedFlights
+from DroneSwarmSearch.incident.times import in_utc
 from DroneSwarmSearch.rendering.palette import drone_colour
 
 MAP = 230, 0, 130
@@ -39,36 +40,51 @@ def save(plan: PlannedFlights, folder: Path) -> None:
     write_text(folder / "plan.csv", _csv(plan))
 
 
-def read_csv(path: Path) -> list[list[Waypoint]]:
+def read_csv(path: Path) -> list[tuple[list[str], list[Waypoint]]]:
     """The waypoints of each drone, planned or really flown, from a file such as plan.csv.
 
     It needs the columns drone, time_utc, latitude_deg and longitude_deg. Without the column
     searching, drones search on all legs; without altitude_m, they are at 0 m.
 
+    Returns:
+        For each drone, the lines of its waypoints in words, and the waypoints.
+
     Raises:
+        OSError: the file cannot be read.
         ValueError: a column is missing, a value is wrong, the times of a drone do not increase, or
             there is no waypoint.
     """
-    flights: dict[int, list[Waypoint]] = {}
-    with open(path, newline="", encoding="utf-8-sig") as file:
-        rows = csv.DictReader(file, restval="")
-        for row in rows:
-            row = {"altitude_m": "0", "searching": "true", **row}
-            line, values = f"{path}, line {rows.line_num}", []
-            for name, (parse, what) in PARSERS.items():
-                given = row.get(name, "no such column")
-                try:
-                    values.append(parse(given))
-                except ValueError:
-                    raise ValueError(f"{line}: {name} must be {what}, got {given!r}") from None
-            flight = flights.setdefault(values[0], [])
-            waypoint = Waypoint(*values[1:])
-            if flight and waypoint.time <= flight[-1].time:
-                raise ValueError(f"{line}: time_utc must increase, got {row['time_utc']!r}")
-            flight.append(waypoint)
+    flights: dict[int, tuple[list[str], list[Waypoint]]] = {}
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            rows = csv.DictReader(file, restval="")
+            for row in rows:
+                line = f"{path}, line {rows.line_num}"
+                drone, waypoint = _read_row(line, row)
+                lines, flight = flights.setdefault(drone, ([], []))
+                if flight and waypoint.time <= flight[-1].time:
+                    raise ValueError(f"{line}: time_utc must increase, got {row['time_utc']!r}")
+                lines.append(line)
+                flight.append(waypoint)
+    except (UnicodeError, csv.Error) as error:
+        raise ValueError(f"{path} must be a CSV file in UTF-8: {error}") from None
     if not flights:
         raise ValueError(f"{path} must hold waypoints, one per line, got none")
     return [flights[drone] for drone in sorted(flights)]
+
+
+def _read_row(line: str, row: dict[str, Any]) -> tuple[int, Waypoint]:
+    """The drone and the waypoint of a row."""
+    row = {"altitude_m": "0", "searching": "true", **row}
+    values = []
+    for name, (parse, what) in PARSERS.items():
+        given = row.get(name, "no such column")
+        try:
+            values.append(parse(given))
+        except ValueError:
+            raise ValueError(f"{line}: {name} must be {what}, got {given!r:.100}") from None
+    drone, *rest = values
+    return drone, Waypoint(*rest)
 
 
 PARSERS: dict[str, Any] = {
@@ -86,8 +102,8 @@ def _gpx(plan: PlannedFlights) -> ET.Element:
     """GPX 1.1, with a route for each drone."""
     space = {"xmlns": "http://www.topografix.com/GPX/1/1", "version": "1.1"}
     root = ET.Element("gpx", space, creator="DroneSwarmSearch")
-    for drone, flight in enumerate(plan.flights):
-        route = _add(root, "rte", name=f"drone {drone}", desc=plan.orders[drone])
+    for drone, (flight, order) in enumerate(zip(plan.flights, plan.orders, strict=True), 1):
+        route = _add(root, "rte", name=f"drone {drone}", desc=order)
         for number, waypoint in enumerate(flight):
             name, time = f"{drone}-{number:02d}", _utc(waypoint.time)
             point = _add(route, "rtept", ele=waypoint.altitude, time=time, name=name)
@@ -104,12 +120,12 @@ def _kml(plan: PlannedFlights, overlays: dict[str, dict[str, float]]) -> ET.Elem
         _add(document, "GroundOverlay", name=what, Icon={"href": name}, LatLonBox=box)
     known = _shape([plan.incident.position[::-1]], 0)
     _add(document, "Placemark", name="last known position", Point=known)
-    for drone, flight in enumerate(plan.flights):
-        colour = "ff" + bytes(drone_colour(drone)[::-1]).hex()
+    for drone, (flight, order) in enumerate(zip(plan.flights, plan.orders, strict=True), 1):
+        colour = "ff" + bytes(drone_colour(drone - 1)[::-1]).hex()
         icon, line = {"color": colour, "scale": 0.5}, {"color": colour, "width": 2}
         style = {"IconStyle": icon, "LineStyle": line}
         folder = _add(document, "Folder", name=f"drone {drone}")
-        parent = _add(folder, "Placemark", name=plan.orders[drone], Style=style)
+        parent = _add(folder, "Placemark", name=order, Style=style)
         lines = _split(flight)
         if len(lines) > 1:
             parent = _add(parent, "MultiGeometry")
@@ -154,10 +170,14 @@ def _write_overlays(plan: PlannedFlights, folder: Path) -> dict[str, dict[str, f
 def _features(plan: PlannedFlights) -> list[dict[str, Any]]:
     """GeoJSON features: the last known position, and a line and the waypoints of each drone."""
     features = [_feature("Point", plan.incident.position[::-1], name="last known position")]
-    for drone, flight in enumerate(plan.flights):
-        times = {"take_off_utc": _utc(flight[0].time), "landing_utc": _utc(flight[-1].time)}
-        times["order"] = plan.orders[drone]
-        whole = {"drone": drone, **times, "distance_m": round(_legs(plan, flight).sum())}
+    for drone, (flight, order) in enumerate(zip(plan.flights, plan.orders, strict=True), 1):
+        whole = {
+            "drone": drone,
+            "take_off_utc": _utc(flight[0].time),
+            "landing_utc": _utc(flight[-1].time),
+            "order": order,
+            "distance_m": round(_legs(plan, flight).sum()),
+        }
         first, *others = _split(flight)
         kind = "MultiLineString" if others else "LineString"
         features.append(_feature(kind, [first, *others] if others else first, **whole))
@@ -174,15 +194,22 @@ def _csv(plan: PlannedFlights) -> str:
     rows = csv.writer(text, lineterminator="\n")
     name = "drone,waypoint,time_utc,latitude_deg,longitude_deg,altitude_m,speed_m_s,searching,order"
     rows.writerow(name.split(","))
-    for drone, flight in enumerate(plan.flights):
+    for drone, (flight, order) in enumerate(zip(plan.flights, plan.orders, strict=True), 1):
         seconds = np.diff([waypoint.time.timestamp() for waypoint in flight])
         speeds = [*(_legs(plan, flight) / seconds), 0.0]
         for number, (point, speed) in enumerate(zip(flight, speeds, strict=True)):
-            place = f"{point.latitude:.7f}", f"{point.longitude:.7f}", point.altitude
-            order = plan.orders[drone] if number == 0 else ""
-            rows.writerow(
-                [drone, number, _utc(point.time), *place, f"{speed:.2f}", point.searching, order]
-            )
+            row = [
+                drone,
+                number,
+                _utc(point.time),
+                f"{point.latitude:.7f}",
+                f"{point.longitude:.7f}",
+                point.altitude,
+                f"{speed:.2f}",
+                point.searching,
+                csv_cell(order) if number == 0 else "",
+            ]
+            rows.writerow(row)
     return text.getvalue()
 
 

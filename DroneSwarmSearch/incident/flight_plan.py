@@ -9,10 +9,12 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
+from DroneSwarmSearch._internal.files import write_text
 from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.incident import chart, files, missions
 from DroneSwarmSearch.incident.choice import Area, Guess, choose
 from DroneSwarmSearch.incident.flights import Waypoint
+from DroneSwarmSearch.incident.plan_folder import INCIDENT, replace_plan
 from DroneSwarmSearch.incident.planned_flights import PlannedFlights
 from DroneSwarmSearch.incident.report import APART, Report
 
@@ -59,15 +61,26 @@ class FlightPlan(PlannedFlights):
         """A quick plan for the incident with other values, which begins with these patterns."""
         return self.of(replace(self.incident, **values), self.guesses)
 
-    def save(self, folder: str | os.PathLike[str]) -> None:
+    def save(self, folder: str | os.PathLike[str]) -> list[str]:
         """Write the plan to a folder: files for autopilots and people, a map, and the incident.
+
+        The folder then holds this plan alone: files of an earlier plan are removed once all new
+        ones are complete.
+
+        Returns:
+            The names of files in the folder that no plan has written; they are left.
 
         Raises:
             ImportError: Matplotlib is missing.
-            OSError: a file cannot be written.
+            OSError: a file cannot be written. The folder stays as it was.
+            ValueError: a file there has a name that the plan needs, but no plan has written it.
         """
         where = Path(folder)
-        files.save(self, where)
-        missions.save(self, where)
-        chart.save(self, where)
-        self.incident.save(where / "incident.json")
+
+        def write(spare: Path) -> None:
+            files.save(self, spare)
+            missions.save(self, spare)
+            chart.save(self, spare)
+            write_text(spare / INCIDENT, self.incident.as_json(where))
+
+        return replace_plan(where, write)

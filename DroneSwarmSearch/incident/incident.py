@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
-from datetime import datetime, timedelta
+from dataclasses import fields
+from datetime import datetime
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.incident import files
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
-from DroneSwarmSearch.incident.flights import in_utc
 from DroneSwarmSearch.incident.on_grid import GridSearch
 from DroneSwarmSearch.incident.report import Report
 
@@ -51,18 +52,21 @@ class Incident(Report):
         tracks: a file of a drift simulation, see `Tracks.read`, in place of class and current;
             `wind` is then only that on the drones, by default none. Position and time are by
             default the mean of its first positions, and when.
-        start: when the drones take off; by default an hour after `time`.
+        start: when the drones take off, at most 72 hours after `time`; by default an hour after
+            it. Of a time of the clock, such as "06:00Z", the nearest to `time` counts, here and
+            where a wind or a current changes.
         drones: how many.
-        speed: their airspeed.
-        swath: the width of the strip that a drone sees.
+        speed: their airspeed, at most 200 m/s.
+        swath: the width of the strip that a drone sees, from 1 m to 10 km.
         probability_of_detection: that a drone which flies over the person, within the strip, finds
             the person; from 0 to 1.
-        endurance: of a drone, from take-off to landing.
+        endurance: of a drone, from take-off to landing; at most 12 hours.
         reserve: what must be left of the endurance at the landing.
         base: where the drones take off and land; by default the last known position.
         altitude: of the first drone above the sea; each further one flies 20 m higher.
         turn: seconds in which a drone turns by a right angle.
-        flown: earlier flights, see `after`.
+        flown: earlier flights that found nobody, each a `FlownFlight`, see `after`; or the
+            waypoints of a flight, flown with this swath and probability of detection.
 
     Raises:
         ImportError: `tracks` needs netCDF4.
@@ -85,28 +89,39 @@ class Incident(Report):
         self,
         flown: FlightPlan | str | os.PathLike[str],
         at: datetime | str | None = None,
+        **changes: Any,
     ) -> Incident:
         """The incident after flights that found nobody: its map is the posterior.
+
+        What was flown never changes: each flight keeps the swath and the probability of detection
+        with which it was flown, and was flown in the wind of this incident. With a later report,
+        a new `time`, persons drift from there, and flights count from that time on.
 
         Args:
             flown: a plan that was flown, or a CSV file of what was really flown, such as the
                 `plan.csv` of a plan; the columns are drone, time_utc, latitude_deg, longitude_deg
                 and optionally searching.
-            at: when the first drone takes off again; by default half an hour after the last one
-                has landed.
+            at: when the first drone takes off again, `start`; by default half an hour after the
+                last one has landed, or at a later `time`.
+            changes: other values of the incident for the next flights. A wind or a current without
+                a time holds from the last landing on.
 
         Raises:
-            OSError, TypeError, ValueError: the file or the time is unsuitable.
+            OSError: there is no such file.
+            TypeError, ValueError: the file or a value is unsuitable, or drones cannot have flown
+                so: farther than they can be, faster than 1.5 times their airspeed plus the wind,
+                before the last report or days after it. Names the row.
         """
+        known = [field.name for field in fields(Incident) if field.name not in ("start", "flown")]
+        checks.known_keys("changes", changes, known)
         if isinstance(flown, (str, os.PathLike)):
             flights = files.read_csv(Path(flown))
         else:
-            flights = [*flown.flights]
-        landed = max(flight[-1].time for flight in flights)
-        start = landed + timedelta(minutes=30) if at is None else in_utc("at", at)
-        if start < landed:
-            raise ValueError(f"at must not be before the last landing, {landed}, got {start}")
-        return replace(self, start=start, flown=(*self.flown, *map(tuple, flights)))
+            flights = [
+                ([f"drone {number}, waypoint {row}" for row in range(len(flight))], flight)
+                for number, flight in enumerate(flown.flights, 1)
+            ]
+        return self._after(flights, at, changes)
 
     # The search on a grid.
 

@@ -28,9 +28,9 @@ class Item(NamedTuple):
 
 
 def save(plan: PlannedFlights, folder: Path) -> None:
-    """Write drone0.plan and drone0.waypoints, and the same for all other drones."""
+    """Write drone1.plan and drone1.waypoints, and the same for all other drones."""
     airspeed = plan.incident.speed
-    for number, flight in enumerate(plan.flights):
+    for number, flight in enumerate(plan.flights, 1):
         params = [[0, 0, 0, 0, round(w[1], 7), round(w[2], 7), w[3]] for w in flight]
         items = [
             Item(TAKE_OFF, RELATIVE_ALTITUDE, params[0]),

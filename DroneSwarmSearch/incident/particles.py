@@ -17,6 +17,7 @@ Flow = Callable[[Any, Floats], Floats]
 positions in metres, (2, n); NaN on land."""
 
 LONGEST_STEP = 60.0  # of the simulation, in seconds
+MOST_STEPS = 720  # before the first time to keep: beyond half a day adrift, steps are longer
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,7 @@ class Particles:
         positions: (east, north), float32, (2, times, n).
         weights: how likely each one is: float64, (n,); they sum to 1.
         ashore: the share of those who have stranded at the last time.
+        found: the share of those whom earlier flights would have found, and who weigh less for it.
     """
 
     begin: float
@@ -38,6 +40,7 @@ class Particles:
     positions: Singles
     weights: Floats
     ashore: float = 0.0
+    found: float = 0.0
 
     @cached_property
     def fastest(self) -> float:
@@ -164,9 +167,10 @@ def drift(
         return leeway + current(time, place) + current_off
 
     positions = np.empty((2, count, n), np.float32)
+    longest = max(LONGEST_STEP, begin / MOST_STEPS)
     now, ashore, speed = 0.0, np.zeros(n, np.bool_), velocity(0.0, place)
     for row, time in enumerate((begin + step * np.arange(count)).tolist()):
-        for parts in range(int(np.ceil((time - now) / LONGEST_STEP)), 0, -1):
+        for parts in range(int(np.ceil((time - now) / longest)), 0, -1):
             h = (time - now) / parts
             side ^= rng.random(n) < 1.0 - (1.0 - JIBING) ** (h / 3600)
             speed = velocity(now + h / 2, place + h / 2 * np.nan_to_num(speed))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 
 PARALLEL, SQUARE, SECTOR = KINDS = "parallel track", "expanding square", "sector search"
 """Of the IAMSAR Manual, volume II, chapter 5."""
@@ -47,9 +47,8 @@ class Pattern:
         number, right = np.arange(count - 1), self.side * np.pi / 2
         headings, lengths = self.heading + 0.0 * number, self.length + 0.0 * number
         if self.kind == PARALLEL:
-            lap, place = np.divmod(number, 2 * self.legs - 1)
-            place = np.where(lap % 2, 2 * self.legs - 2 - place, place)
-            across = place % 2 == 1
+            lap, place = self._laps(number)
+            across = ~self.is_along(number)
             headings += np.where(across, right, np.pi * (place // 2 + lap))
             headings += np.where(across & (lap % 2 == 1), np.pi, 0.0)
             lengths[across] = self.spacing
@@ -64,6 +63,17 @@ class Pattern:
         is_turn = np.append(True, np.abs(np.sin(np.diff(headings) / 2)) > 1e-9)
         turning: Floats = points[np.concatenate([is_turn, [True]])]
         return turning
+
+    def is_along(self, number: Ints) -> Flags:
+        """Whether legs of a parallel track, counted from 0, lie along it; the others cross over."""
+        along: Flags = self._laps(number)[1] % 2 == 0
+        return along
+
+    def _laps(self, number: Ints) -> tuple[Ints, Ints]:
+        """How often the pattern was flown before each leg, and which leg of the pattern it is."""
+        whole = 2 * self.legs - 1
+        lap, place = np.divmod(number, whole)
+        return lap, np.where(lap % 2, whole - 1 - place, place)
 
 
 def ground_speed(airspeed: float, wind: Floats, unit: Floats) -> Floats:

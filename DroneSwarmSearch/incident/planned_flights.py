@@ -3,22 +3,34 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.drift.leeway import KNOT
+from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.incident import units
 from DroneSwarmSearch.incident.choice import Guess
-from DroneSwarmSearch.incident.flights import Waypoint, legs_of
+from DroneSwarmSearch.incident.flights import (
+    Waypoint,
+    course,
+    down_to_the_minute,
+    legs_of,
+    track,
+    up_to_the_minute,
+)
 from DroneSwarmSearch.incident.particles import Particles
-from DroneSwarmSearch.incident.patterns import PARALLEL, SECTOR, SQUARE, Pattern
+from DroneSwarmSearch.incident.patterns import PARALLEL, SECTOR, Pattern
 from DroneSwarmSearch.incident.report import Report
 
 FIGURES = 40_000  # the number of particles of all figures
+CUT = 0.95  # a last leg that is shorter than this share of the first one is mentioned
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,48 +99,74 @@ class PlannedFlights:
 
     @cached_property
     def orders(self) -> list[str]:
-        """For each drone, a line that can be read over a radio."""
+        """For each drone, a line that can be read over a radio; drones are numbered from 1."""
         lines = []
         for number in range(len(self.flights)):
-            drone, kind, place, *rest = self.order(number).items()
-            flown = ", ".join(
-                f"{text} {name}" if name == "legs" else f"{name} {text}"
-                for name, text in rest
-                if text
-            )
-            lines.append(f"Drone {drone[1]}: {kind[1]}, {place[0]} {place[1]}, {flown} UTC.")
+            order = self.order(number)
+            parts = [order.pop("pattern")]
+            head = f"Drone {order.pop('drone')}"
+            legs = _Legs.of(self.patterns[number], self.flights[number])
+            for name, text in order.items():
+                if name == "legs":
+                    parts.append(legs.words)
+                elif text:
+                    parts.append(f"{name} {text}")
+            lines.append(f"{head}: {', '.join(parts)} UTC.")
         return lines
 
     def order(self, number: int) -> dict[str, str]:
-        """What a drone is ordered, by the terms of the IAMSAR Manual."""
+        """What a drone is ordered, by the terms of the IAMSAR Manual; "" for what does not apply.
+
+        Lengths are those that are flown, headings are courses over the ground, and times are
+        rounded inwards: nobody is there earlier, or lands later.
+        """
         flight, pattern = self.flights[number], self.patterns[number]
-        first, scene, *_, last = flight
-        flown = max(len(flight) - 3, 1)
-        spacing, legs = f"{pattern.spacing:.0f} m", f"{flown}"
-        length = f"{pattern.length / 1000:.1f} km ({pattern.length / 1852:.1f} NM)"
-        if pattern.kind == PARALLEL:
-            count = (flown + 1) // 2
-            legs = " + ".join(
-                f"{legs}" for legs in (min(count, pattern.legs), count - pattern.legs) if legs > 0
-            )
-        speed, toward = math.hypot(*pattern.drift) / KNOT, math.atan2(*pattern.drift)
+        first, scene, after_scene, *_ = flight
+        legs = _Legs.of(pattern, flight)
+        is_sector = pattern.kind == SECTOR
+        speed = math.hypot(*pattern.drift) / KNOT
+        moving = ""
+        if speed:
+            moving = f"{_degrees(math.degrees(math.atan2(*pattern.drift)))} {speed:.1f} kn"
         return {
-            "drone": f"{number}",
+            "drone": f"{number + 1}",
             "pattern": pattern.kind,
             "commence search point": units.radioed((scene.latitude, scene.longitude)),
-            "first heading": f"{math.degrees(pattern.heading) % 360:03.0f}°",
-            "radius" if pattern.kind == SECTOR else "leg length": length
-            if pattern.kind != SQUARE
-            else spacing,
-            "track spacing": "" if pattern.kind == SECTOR else spacing,
+            "first heading": _degrees(course(scene, after_scene)),
+            "radius" if is_sector else "leg length": _length(legs.first),
+            "track spacing": "" if is_sector else f"{pattern.spacing:.0f} m",
             "first turn": "starboard" if pattern.side > 0 else "port",
-            "legs": legs,
-            "moving": f"{math.degrees(toward) % 360:03.0f}° {speed:.1f} kn" if speed else "",
+            "legs": f"{legs.number}",
+            "last leg": "" if legs.last is None else f"{legs.last / 1000:.1f} km",
+            "moving": moving,
             "height": f"{first.altitude:.0f} m",
-            "take-off": f"{first.time:%H:%M}",
-            "on scene": f"{scene.time:%H:%M}",
-            "landing": f"{last.time:%H:%M}",
+            "take-off": f"{up_to_the_minute(first.time):%H:%M}",
+            "on scene": f"{up_to_the_minute(scene.time):%H:%M}",
+            "landing": f"{down_to_the_minute(flight[-1].time):%H:%M}",
         }
+
+    @property
+    def earlier(self) -> list[str]:
+        """What became of earlier flights, in sentences; none if there were none."""
+        incident = self.incident
+        if not incident.flown:
+            return []
+        sentences = [
+            f"After {plural(len(incident.flown), 'flight')} that found nobody, and would have "
+            f"found {self.particles.found:.0%} of the persons."
+        ]
+        before, during = [], []
+        for number, flight in enumerate(incident.flown, 1):
+            if flight.landing <= incident.time:
+                before.append(str(number))
+            elif flight.waypoints[0].time < incident.time:
+                during.append(str(number))
+        report = f"the report of {incident.time:%H:%M}"
+        if before:
+            sentences.append(f"Not counted, because flown before {report}: {', '.join(before)}.")
+        if during:
+            sentences.append(f"Counted only from {report} on: {', '.join(during)}.")
+        return sentences
 
     @property
     def assumptions(self) -> list[str]:
@@ -152,6 +190,56 @@ class PlannedFlights:
             f"They find {incident.probability_of_detection:.0%} of those in a strip of "
             f"{incident.swath:.0f} m, which already accounts for sea, light and visibility.",
         ]
+
+
+class _Legs(NamedTuple):
+    """The search legs of a flight, without those across to the next track.
+
+    Attributes:
+        number: how many are flown.
+        tracks: the number of parallel tracks along which they lie; 0 for other patterns.
+        first: the length of the first one in metres, over the water if the pattern moves.
+        last: that of the last one, if it is cut short; else None.
+    """
+
+    number: int
+    tracks: int
+    first: float
+    last: float | None
+
+    @classmethod
+    def of(cls, pattern: Pattern, flight: Sequence[Waypoint]) -> _Legs:
+        """The legs of a flight along a pattern."""
+        plane = TangentPlane(flight[1].latitude, flight[1].longitude)
+        points = track(flight, plane)
+        seconds = np.array([(point.time - flight[0].time).total_seconds() for point in flight])
+        over_water = points - pattern.drift * seconds[:, None]
+        lengths = np.hypot(*np.diff(over_water[1:-1], axis=0).T)
+        if pattern.kind != PARALLEL or not lengths.size:
+            first = float(lengths[0]) if lengths.size else 0.0
+            return cls(len(lengths), 0, first, None)
+        is_along = pattern.is_along(np.arange(len(lengths)))
+        along = lengths[is_along]
+        last = float(along[-1]) if is_along[-1] and along[-1] < CUT * along[0] else None
+        return cls(len(along), min(pattern.legs, len(along)), float(along[0]), last)
+
+    @property
+    def words(self) -> str:
+        """How many legs there are."""
+        text = plural(self.number, "leg")
+        if 0 < self.tracks < self.number:
+            text += f" on {plural(self.tracks, 'track')}"
+        return text
+
+
+def _degrees(angle: float) -> str:
+    """A direction in three digits."""
+    return f"{round(angle) % 360:03d}°"
+
+
+def _length(metres: float) -> str:
+    """A length in kilometres and nautical miles."""
+    return f"{metres / 1000:.1f} km ({metres / 1852:.1f} NM)"
 
 
 def _speed(speed: float) -> str:

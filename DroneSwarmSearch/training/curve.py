@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
@@ -11,11 +12,15 @@ from statistics import fmean
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.extras import import_matplotlib
 from DroneSwarmSearch.evaluation.results import Evaluation
 
 
 def log_row(path: str | Path, **values: float) -> None:
-    """Append a row of named columns, the same each time, to a CSV file, and print it."""
+    """Append a row of named columns, the same each time, to a CSV file, and print it.
+
+    On a terminal, it takes the place of the last one.
+    """
     cells = {
         name: f"{value:.6g}" if value % 1 else f"{value:.0f}" for name, value in values.items()
     }
@@ -24,7 +29,9 @@ def log_row(path: str | Path, **values: float) -> None:
         if not file.tell():
             writer.writerow(cells)
         writer.writerow(cells.values())
-    print(", ".join(f"{name} {cell}" for name, cell in cells.items()), end="   \r", flush=True)
+    row = ", ".join(f"{name} {cell}" for name, cell in cells.items())
+    in_place = sys.stdout is not None and sys.stdout.isatty()
+    print(row, end="   \r" if in_place else "\n", flush=True)
 
 
 def plot_curve(
@@ -48,6 +55,7 @@ def plot_curve(
     Raises:
         ImportError: Matplotlib, of the extra "evaluation", is not installed.
     """
+    import_matplotlib("the curve needs the package matplotlib", "evaluation")
     from matplotlib.figure import Figure
     from matplotlib.ticker import EngFormatter, PercentFormatter
 
@@ -60,6 +68,7 @@ def plot_curve(
             x, y, colour = values[steps][known], values[name][known], f"C{number}"
             axes.plot(x, y, colour, alpha=0.25, linewidth=0.8)
             axes.plot(x, moving_mean(y), colour, marker="o" * (len(x) < 30), ms=4, label=label)
+    axes.plot([], [], color="0.5", alpha=0.5, linewidth=0.8, label="single rows")
     levels: dict[str, list[float]] = {}
     for baseline in baselines:
         levels.setdefault(baseline.policy, []).append(baseline.success.value)

@@ -1,0 +1,22 @@
+"""Words and numbers in sentences, and texts from elsewhere."""
+
+from __future__ import annotations
+
+LONGEST_TITLE = 100  # characters of a text from elsewhere that are shown
+
+
+def plural(count: int, noun: str) -> str:
+    """A number with its noun, in the plural unless it is one."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def printable(text: object) -> str:
+    """A text from elsewhere, such as the title of a file, that every format of file can hold.
+
+    Control characters and other ones without a shape become spaces, and the end of long texts is
+    left out.
+    """
+    shown = "".join(sign if sign.isprintable() else " " for sign in str(text)).strip()
+    if len(shown) > LONGEST_TITLE:
+        shown = f"{shown[: LONGEST_TITLE - 1]}…"
+    return shown
