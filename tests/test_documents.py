@@ -54,9 +54,18 @@ OUTPUT = {
     "examples/evaluate_your_own.py": "greedy-posterior: found",
     "examples/random_searches.py": "imitation ahead",
 }
-BRIEF_FLIGHTS = ["--drones", "1", "--endurance", "10min"]
 BENCH_BRIEFLY = "--rounds 1 --steps 20 --environments 20"
 TIMEOUT = 120.0  # seconds for a command; code blocks with an RL library get five times as long
+
+
+def brief_flights(arguments: list[str]) -> list[str]:
+    """The arguments of a plan, for one drone and a few minutes."""
+    brief = [*arguments, "--endurance", "10min"]
+    if "--drones" in brief:
+        brief[brief.index("--drones") + 1] = "1"
+    else:
+        brief += ["--drones", "1"]
+    return brief
 
 
 @pytest.fixture(autouse=True)
@@ -269,7 +278,7 @@ def test_command(command, tmp_path, monkeypatch):
     elif command.script == "examples/random_searches.py":
         arguments += ["--seed", "11"]  # a small search
     if arguments[2:3] == ["plan"]:
-        arguments += BRIEF_FLIGHTS
+        arguments = brief_flights(arguments)
     for option, most in MOST.items():
         if option in arguments:
             place = arguments.index(option) + 1
@@ -278,7 +287,7 @@ def test_command(command, tmp_path, monkeypatch):
     shutil.copy(ROOT / "basic_env.py", tmp_path)
     if "--after" in arguments:
         first = next(each.arguments for each in commands() if "--position" in each.arguments)
-        run_here([*first, *BRIEF_FLIGHTS], tmp_path, monkeypatch)
+        run_here(brief_flights(first), tmp_path, monkeypatch)
     if "--ray" in command.arguments or "--workers" in arguments:
         printed = run_python(arguments, tmp_path)
     else:
