@@ -89,7 +89,9 @@ class Curve(Callback):
 class Trained(TrainedPolicy):
     """The saved policy, for `evaluate`, `record` and `play`.
 
-    After IPPO or MAPPO it samples actions; otherwise it takes those of the largest values.
+    After IPPO or MAPPO it samples actions; otherwise it takes those of the largest values. The file
+    holds BenchMARL's modules, which PyTorch unpickles: it can execute code, so only load files that
+    you trust.
     """
 
     def __init__(self, scenario: Scenario, path: str) -> None:

@@ -23,6 +23,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
+from tqdm import tqdm
 from training_script import begin
 
 from DroneSwarmSearch import Action, RewardScheme, Scenario, training
@@ -215,11 +216,11 @@ def random_searches(count: int) -> list[NamedSearch]:
 
 def baselines(searches: list[NamedSearch]) -> list[Evaluation]:
     """Evaluations of policies of the package; one episode gives their exact success."""
-    return [
-        evaluate(name, each, episodes=1, progress=False)
-        for name in ("random", "greedy-matrix", "greedy-posterior")
-        for each in searches
-    ]
+    names = ("random", "greedy-matrix", "greedy-posterior")
+    print(f"\nEvaluating {', '.join(names)} on {len(searches)} random searches", flush=True)
+    pairs = [(name, each) for name in names for each in searches]
+    shown = tqdm(pairs, desc="baselines", leave=False, disable=None)  # on terminals
+    return [evaluate(name, each, episodes=1, progress=False) for name, each in shown]
 
 
 def main() -> None:

@@ -128,7 +128,7 @@ class TestText:
             r"no window can be opened \(.*none_such.*\): showing text\n", done.stderr
         )
         assert "minute 0/30 " in done.stdout
-        assert "The target was found" in figures(done.stdout)["outcome"]
+        assert "The person was found" in figures(done.stdout)["outcome"]
 
     def test_summary(self, short, capsys):
         assert cli.main(["play", short, "--text"]) == 0
@@ -136,7 +136,7 @@ class TestText:
         assert output.startswith("mine: Read from a file.\n\nstep 0/8 ")
         summary = figures(output)
         assert summary["search"] == "mine, seed 0"
-        assert summary["outcome"] == "The target was not found (the time limit was reached)"
+        assert summary["outcome"] == "The person was not found (the time limit was reached)"
         assert summary["return"] == "-400,000.0 (sum over the drones)"
         assert summary["steps"] == "8 of at most 8"
         assert summary["persons found"] == "0 of 1"
@@ -237,7 +237,7 @@ class TestWindow:
 
         shown = perform(monkeypatch, script)
         assert cli.main(["play", "--fps", "50"]) == 0
-        assert "The target was found" in figures(capsys.readouterr().out)["outcome"]
+        assert "The person was found" in figures(capsys.readouterr().out)["outcome"]
         assert not pygame.display.get_init()
         assert shown[-1].ending is Ending.FOUND
 

@@ -62,11 +62,11 @@ class TestLabels:
         ("ending", "persons", "outcome"),
         [
             (None, 0, ""),
-            (Ending.COVERED, 0, "The area was covered in 3 moves"),
+            (Ending.COVERED, 0, "The area was covered in 3 steps"),
             (Ending.TIME_LIMIT, 0, "Probability of success 83.4%"),
             (Ending.COLLISION, 0, "Probability of success 83.4%"),
-            (Ending.FOUND, 1, "The target was found in 3 moves"),
-            (Ending.TIME_LIMIT, 1, "The target was not found"),
+            (Ending.FOUND, 1, "The person was found in 3 steps"),
+            (Ending.TIME_LIMIT, 1, "The person was not found"),
         ],
     )
     def test_outcomes(self, ending, persons, outcome):
@@ -74,7 +74,7 @@ class TestLabels:
         frame = replace(frame, probability_of_success=0.834)
         assert frame.outcome == outcome
         at_sea = replace(frame, scale=Scale(100, 240))
-        assert at_sea.outcome == outcome.replace("3 moves", "12 min")
+        assert at_sea.outcome == outcome.replace("3 steps", "12 min")
 
     def test_numbers(self):
         assert [percent(value) for value in (0.123456, 0.0)] == ["12.3%", "0%"]

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch.evaluation.episodes import Reliability
-from DroneSwarmSearch.evaluation.statistics import Estimate, bounded_mean, mean_of
+from DroneSwarmSearch.evaluation.statistics import (
+    Estimate,
+    bounded_mean,
+    mean_of,
+    stratified_mean,
+)
 
 
 def test_limits_solve_halls_equation():
@@ -58,3 +63,17 @@ def test_the_expected_calibration_error_by_hand():
     # Half of the forecasts are 1/4 too low on average, the other half 1/8 too high.
     error = Reliability(searches, forecast, found).expected_error
     assert error == pytest.approx((0.25 + 0.125) / 2)
+
+
+def test_stratified_means_cover_the_mean_over_given_strata():
+    """Strata differ much more than their values; 95% of the intervals hold the mean."""
+    rng = np.random.default_rng(0)
+    middles = rng.uniform(0.1, 0.9, 50)
+    held, widths = [], []
+    for _ in range(400):
+        value, low, high = stratified_mean(rng.normal(middles, 0.05, (4, 50)).ravel(), 50)
+        held.append(low <= middles.mean() <= high)
+        widths.append(high - low)
+        assert low < value < high
+    assert 0.92 < np.mean(held) < 0.98
+    assert np.mean(widths) == pytest.approx(2 * 1.96 * 0.05 / math.sqrt(200), rel=0.03)

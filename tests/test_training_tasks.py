@@ -8,7 +8,7 @@ import pytest
 from test_benchmark_page import RUNS
 
 from DroneSwarmSearch import Scenario, training
-from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.evaluation import compare, evaluate
 from DroneSwarmSearch.training import TASKS, TRAINING_TASK, Task
 from DroneSwarmSearch.vector import SwarmVectorEnv
 
@@ -53,8 +53,35 @@ def test_all_held_out_searches_are_evaluated_together(name):
     alone = [evaluate("greedy-matrix", each, episodes=1) for each in task.held_out()[:3]]
     expected = np.array([each.success.value for each in alone])
     assert together.curves[: len(alone), -1] == pytest.approx(expected, abs=1e-6)
+    assert together.success.is_exact and together.time.is_exact
     published = float(RUNS["greedy-matrix", name, ""]["success"])
     assert together.success.value == pytest.approx(published, abs=1e-3)  # ties differ by NumPy
+
+
+@pytest.mark.parametrize("name", ["small", "medium"])
+def test_a_policy_that_draws_flies_rounds_until_its_success_is_known(name):
+    """As the zero of the score; its interval is that of the draws over the given searches."""
+    found = TASKS[name].evaluate("random")
+    value, low, high = found.success
+    assert 0.0 < high - low <= 0.002
+    assert len(found.episodes) % 500 == 0 < len(found.episodes) - 500
+    published = float(RUNS["random", name, ""]["success"])
+    assert value == pytest.approx(published, abs=1e-3)
+    lead = compare(TASKS[name].evaluate("greedy-matrix"), found).success
+    assert lead.high - lead.low == pytest.approx(high - low)
+    exact = TASKS[name].evaluate("greedy-matrix")
+    assert compare(exact, exact).success == (0.0, 0.0, 0.0)
+
+
+def test_stated_policies_are_exact():
+    def search_always(shown):
+        return np.full(shown["positions"].shape[:2], 4)
+
+    drawn = TASKS["small"].evaluate(search_always)
+    stated = TASKS["small"].evaluate(search_always, deterministic=True)
+    assert not drawn.is_exact and stated.is_exact
+    assert stated.success.value == pytest.approx(drawn.success.value)
+    assert stated.success.is_exact
 
 
 def test_a_policy_is_compared_with_the_baselines_of_a_task(tmp_path, capsys):
@@ -64,7 +91,7 @@ def test_a_policy_is_compared_with_the_baselines_of_a_task(tmp_path, capsys):
     every = training.compare_with_baselines("greedy-matrix", task, name="mine", folder=tmp_path)
     assert [each.policy for each in every] == ["mine", "random", "greedy-matrix"]
     assert every[0].success.value == every[2].success.value > every[1].success.value
-    assert "500 episodes" in capsys.readouterr().out
+    assert "Means over the 500 held-out searches; 95% intervals" in capsys.readouterr().out
     assert {each.name for each in tmp_path.iterdir()} == {
         *("evaluation.csv", "search.json", "video.gif")
     }

@@ -498,14 +498,18 @@ def test_a_shared_reward_is_the_mean_over_the_swarm():
 
 
 @pytest.mark.parametrize("mode", ["ansi", "rgb_array"])
-def test_every_swarm_is_drawn_as_in_the_single_environment(mode):
-    env = DroneVectorEnv(3, render_mode=mode, **SEVERAL_PERSONS)
+@both_views
+def test_every_swarm_is_drawn_as_in_the_single_environment(view, mode):
+    """Once for each sub-environment, as Gymnasium's wrappers for videos and windows expect."""
+    env = view(3, render_mode=mode, **SEVERAL_PERSONS)
+    each = env.num_envs // 3
     singles = [DroneSwarmSearch(render_mode=mode, **SEVERAL_PERSONS) for _ in range(3)]
     env.reset(seed=3)
     for seed, single in enumerate(singles, 3):
         single.reset(seed=seed)
     for action in (Action.SEARCH, Action.IDLE):
-        assert plain(env.render()) == plain(tuple(single.render() for single in singles))
+        expected = [picture for single in singles for picture in [single.render()] * each]
+        assert plain(env.render()) == plain(tuple(expected))
         for swarm, single in enumerate(singles):
             assert plain(vars(env.frame(swarm))) == without_history(single.frame())
             single.step(dict.fromkeys(single.agents, action))
@@ -579,8 +583,11 @@ def test_each_view_has_a_name_for_the_number_of_swarms(view, count, other):
     for wrong in (0, 2.0):
         with pytest.raises((TypeError, ValueError), match=f"^{count} must be an integer of at lea"):
             view(**{count: wrong})
-    with pytest.raises(TypeError, match=f"unexpected keyword argument '{other}'"):
+    unexpected = f"^{view.__name__} got an unexpected keyword argument '{other}'; did you mean"
+    with pytest.raises(TypeError, match=f"{unexpected}.*{count}"):
         view(**{other: 4})
+    with pytest.raises(TypeError, match=r"'gird_size'; did you mean grid_size\?"):
+        view(4, gird_size=9)
 
 
 @both_views

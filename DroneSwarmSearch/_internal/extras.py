@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
+from collections.abc import Iterator
 from typing import Any
 
 
@@ -15,6 +16,16 @@ def needed(module: str, reason: str, extra: str) -> Any:
     except ImportError as error:
         hint = f'{reason}: pip install "DroneSwarmSearchEnvironment[{extra}]"'
         raise ImportError(hint) from error
+
+
+@contextlib.contextmanager
+def imports_of(extra: str) -> Iterator[None]:
+    """Around the imports of optional packages; ImportError says which extra installs them."""
+    try:
+        yield
+    except ImportError as error:
+        hint = f'{error}: pip install "DroneSwarmSearchEnvironment[{extra}]"'
+        raise type(error)(hint, name=error.name) from error
 
 
 def import_matplotlib(reason: str, extra: str) -> None:

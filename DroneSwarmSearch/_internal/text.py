@@ -5,9 +5,9 @@ from __future__ import annotations
 LONGEST_TITLE = 100  # characters of a text from elsewhere that are shown
 
 
-def plural(count: int, noun: str) -> str:
+def plural(count: int, noun: str, ending: str = "s") -> str:
     """A number with its noun, in the plural unless it is one."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}{ending}"
 
 
 def printable(text: object) -> str:

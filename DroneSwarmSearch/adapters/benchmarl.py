@@ -5,20 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-import torch
-from benchmarl.environments import Task, TaskClass
-from tensordict import TensorDictBase
-from torchrl.data import Composite
-from torchrl.envs import EnvBase
+from DroneSwarmSearch._internal.extras import imports_of
 
-from DroneSwarmSearch.adapters.torchrl import (
-    GROUP,
-    PROBABILITY,
-    STATE,
-    SUCCESS,
-    SearchEnv,
-    episode_metrics,
-)
+with imports_of("benchmarl"):
+    import torch
+    from benchmarl.environments import Task, TaskClass
+    from tensordict import TensorDictBase
+    from torchrl.data import Composite
+    from torchrl.envs import EnvBase
+
+    from DroneSwarmSearch.adapters.torchrl import (
+        GROUP,
+        PROBABILITY,
+        STATE,
+        SUCCESS,
+        SearchEnv,
+        episode_metrics,
+    )
 
 __all__ = ["SearchClass", "SearchTask"]
 

@@ -10,22 +10,25 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import torch
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.save_util import load_from_zip_file
-from stable_baselines3.common.vec_env import VecEnv
 
+from DroneSwarmSearch._internal.extras import imports_of
 from DroneSwarmSearch.adapters.trained_policy import TrainedPolicy, listed
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import TOP_CELLS, BatchObservations
 from DroneSwarmSearch.vector.vector_env import DroneVectorEnv, SwarmVectorEnv
+
+with imports_of("sb3"):
+    import torch
+    from stable_baselines3.common.base_class import BaseAlgorithm
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.policies import ActorCriticPolicy
+    from stable_baselines3.common.save_util import load_from_zip_file
+    from stable_baselines3.common.vec_env import VecEnv
 
 __all__ = ["LogSuccess", "SB3Policy", "SB3VecEnv", "logits"]
 
@@ -86,7 +89,7 @@ class SB3VecEnv(VecEnv):
         return observations, rewards.astype(np.float32), dones, listed_infos
 
     def get_images(self) -> list[Any]:
-        """A picture of every swarm, if the environment has render_mode="rgb_array"."""
+        """A picture for every drone or swarm, if the environment has render_mode="rgb_array"."""
         return list(self.env.render() or ())
 
     def close(self) -> None:

@@ -12,18 +12,21 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import torch
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
-from tianshou.algorithm.algorithm_base import Policy
-from tianshou.data import Batch, CollectStats
-from tianshou.env import BaseVectorEnv
-from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
-from tianshou.utils.torch_utils import torch_train_mode
 
 from DroneSwarmSearch._internal.arrays import Ints
+from DroneSwarmSearch._internal.extras import imports_of
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT, listed
 from DroneSwarmSearch.vector.vector_env import DroneVectorEnv
+
+with imports_of("tianshou"):
+    import torch
+    from tianshou.algorithm.algorithm_base import Policy
+    from tianshou.data import Batch, CollectStats
+    from tianshou.env import BaseVectorEnv
+    from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
+    from tianshou.utils.torch_utils import torch_train_mode
 
 __all__ = ["DroneVenv", "MaskedActor", "MaskedCritic", "SuccessStats", "logits"]
 

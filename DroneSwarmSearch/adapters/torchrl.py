@@ -9,20 +9,23 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
-from tensordict import TensorDict, TensorDictBase
-from tensordict.nn import TensorDictModuleBase
-from torchrl.data import Binary, Bounded, Categorical, Composite, TensorSpec, Unbounded
-from torchrl.envs import EnvBase
-from torchrl.envs.utils import ExplorationType, set_exploration_type
-from torchrl.modules import MaskedCategorical, ProbabilisticActor
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.extras import imports_of
 from DroneSwarmSearch.adapters.trained_policy import LEAST_LOGIT
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.vector.vector_env import DroneVectorEnv
+
+with imports_of("torchrl"):
+    import torch
+    from tensordict import TensorDict, TensorDictBase
+    from tensordict.nn import TensorDictModuleBase
+    from torchrl.data import Binary, Bounded, Categorical, Composite, TensorSpec, Unbounded
+    from torchrl.envs import EnvBase
+    from torchrl.envs.utils import ExplorationType, set_exploration_type
+    from torchrl.modules import MaskedCategorical, ProbabilisticActor
 
 __all__ = [
     "ACTION",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.drift.scale import Scale
 
@@ -95,13 +96,17 @@ class Frame:
         """The text of the final banner; empty before the end of the episode."""
         if self.ending is None:
             return ""
-        took = f"{self.step} move{'s' * (self.step != 1)}"
+        took = plural(self.step, "step")
         if self.scale is not None:
             took = f"{self.progress[1]} min"
         if self.ending is Ending.COVERED:
             return f"The area was covered in {took}"
         if self.ending is Ending.FOUND:
-            return f"The target was found in {took}"
+            if len(self.persons) > 1:
+                return f"All persons were found in {took}"
+            return f"The person was found in {took}"
         if not self.persons and self.probability_of_success is not None:
             return f"Probability of success {self.probability_of_success:.1%}"
-        return "The target was not found"
+        if len(self.persons) > 1:
+            return "Not all persons were found"
+        return "The person was not found"

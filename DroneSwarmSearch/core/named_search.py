@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -15,8 +16,12 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import parsed_json, write_text
 from DroneSwarmSearch.core.grid import Cell
-from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
+from DroneSwarmSearch.core.scenario import REPLACED, Scenario, checked_scenario
+from DroneSwarmSearch.drift.hypotheses import Hypotheses
+from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.drift.scale import Scale
+
+SEPARATOR = re.compile(r",\s+")  # of numbers in indented JSON
 
 
 @dataclass(frozen=True)
@@ -96,16 +101,20 @@ class NamedSearch:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the search as a JSON file, which `search` reads.
 
-        Tracks are named by their file. Raises OSError if it cannot be written.
+        It holds the parameters that apply, as they were given. Tracks are named by their file.
+        Raises OSError if it cannot be written.
         """
         data = {"name": self.name, "reason": self.reason, **self.data}
         if self.scale is not None:
             data["scale"] = asdict(self.scale)
-        for person in data["persons"] or ():
-            if person.get("tracks", {}).get("file"):
-                file = os.path.relpath(person["tracks"]["file"], Path(path).parent)
-                person["tracks"] = {**person["tracks"], "file": file}
-        write_text(Path(path), json.dumps(data, indent=1) + "\n")
+        if self.scenario.persons is None:
+            del data["persons"]
+        else:
+            for name in REPLACED:
+                del data[name]
+            for values, person in zip(data["persons"], self.scenario.persons, strict=True):
+                _as_given(values, person, Path(path).parent)
+        write_text(Path(path), _indented(data) + "\n")
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> NamedSearch:
@@ -126,6 +135,23 @@ class NamedSearch:
         if bayesian_update is None:
             return self
         return replace(self, scenario=self.scenario.replace(bayesian_update=bayesian_update))
+
+
+def _as_given(data: dict[str, Any], person: Person, folder: Path) -> None:
+    """Replace plain data of a person by what was given: series by key points, files by paths."""
+    if data.get("tracks", {}).get("file"):
+        file = os.path.relpath(data["tracks"]["file"], folder)
+        data["tracks"] = {**data["tracks"], "file": file}
+    if isinstance(person.drift, Hypotheses):
+        for values, drift in zip(data["drifts"], person.drift.drifts, strict=True):
+            values.update(drift.key_points)
+
+
+def _indented(data: object) -> str:
+    """Plain data as JSON to read, with a line for each list of numbers."""
+    text = json.dumps(data, indent=1, ensure_ascii=False)
+    numbers = re.compile(r"\[\n\s*((?:-?\d[^\s,]*,\s+)*-?\d[^\s,]*)\n\s*\]")
+    return numbers.sub(lambda found: f"[{re.sub(SEPARATOR, ', ', found[1])}]", text)
 
 
 def read_json(path: Path) -> Any:

@@ -93,12 +93,29 @@ class Drift:
             "adrift": adrift,
             "weight": checks.positive("weight", self.weight),
         }
+        object.__setattr__(self, "_key_points", self._given_key_points())
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
+    def _given_key_points(self) -> dict[str, dict[int, Any]]:
+        """The series that were given as mappings of steps, in plain form."""
+        given = {}
+        for name in ("vector", "vector_sd"):
+            value = getattr(self, name)
+            if isinstance(value, Mapping):
+                points = {int(step): list(checks.pair(name, value[step])) for step in sorted(value)}
+                given[name] = points
+        return given
+
     def __reduce__(self) -> tuple[object, ...]:
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return partial(type(self), **values), ()
+        return partial(type(self), **(values | self.key_points)), ()
+
+    @property
+    def key_points(self) -> dict[str, dict[int, Any]]:
+        """The vectors by step of those parameters that were given as mappings."""
+        given: dict[str, dict[int, Any]] = self._key_points  # type: ignore[attr-defined]
+        return {name: dict(points) for name, points in given.items()}
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Drift):
@@ -195,11 +212,18 @@ class Drift:
     def from_dict(cls, data: Mapping[str, Any]) -> Drift:
         """Make a drift from the output of `to_dict`; missing values get their defaults.
 
+        A series may be a mapping of steps, also as texts, to vectors.
+
         Raises:
             TypeError: `data` is not a mapping of parameters, or one is of the wrong type.
             ValueError: a value is out of its limits.
         """
-        return cls(**checks.known_keys("a drift", data, [field.name for field in fields(cls)]))
+        values = checks.known_keys("a drift", data, [field.name for field in fields(cls)])
+        for name in ("vector", "vector_sd"):
+            points = values.get(name)
+            if isinstance(points, Mapping):  # JSON has steps as texts
+                values[name] = {_step(name, step): points[step] for step in points}
+        return cls(**values)
 
 
 class Hypotheses(KnownDrift):
@@ -346,6 +370,11 @@ def _read_only(values: Floats) -> Floats:
     return np.frombuffer(values.tobytes()).reshape(values.shape)
 
 
+def _step(name: str, text: object) -> object:
+    """The step that a text of digits means; anything else is left to the checks."""
+    return int(text) if isinstance(text, str) and text.isdecimal() else text
+
+
 def _vector(name: str, value: Any, of_one: Callable[..., tuple[float, float]]) -> Vector:
     """A pair for all steps, or a read-only array with a row for each one until the last change."""
     what = "one vector, or vectors (x, y) of finite numbers for each step"
@@ -360,7 +389,11 @@ def _vector(name: str, value: Any, of_one: Callable[..., tuple[float, float]]) -
     if rows.ndim != 2 or rows.shape[1] != 2 or not np.isfinite(rows).all():
         raise ValueError(f"{name} must be {what}, got {value!r:.100}")
     changes = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
-    return _read_only(rows[: changes[-1] + 2]) if changes.size else of_one(name, rows[0].tolist())
+    if changes.size:
+        return _read_only(rows[: changes[-1] + 2])
+    # The sum of equal deviations has their magnitude, whatever their sign.
+    constant = np.abs(rows[0]) if of_one is _deviations else rows[0]
+    return of_one(name, constant.tolist())
 
 
 def _within(grid_size: int, means: Floats, deviation: float) -> Floats:

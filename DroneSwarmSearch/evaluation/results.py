@@ -19,7 +19,12 @@ from DroneSwarmSearch.bound.success import SuccessBound
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.evaluation.episodes import Episodes, Reliability
-from DroneSwarmSearch.evaluation.statistics import Estimate, bounded_mean, difference
+from DroneSwarmSearch.evaluation.statistics import (
+    Estimate,
+    bounded_mean,
+    difference,
+    stratified_mean,
+)
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION
 from DroneSwarmSearch.layouts.view import View
 
@@ -42,6 +47,8 @@ class Evaluation:
             are means over sampled paths of the probability of success given the path
             (conditional Monte Carlo).
         bound: the upper bound for this search, or None.
+        strata: the number of different searches, which are given and which the episodes take in
+            turn; figures are means over them.
     """
 
     policy: str
@@ -51,6 +58,7 @@ class Evaluation:
     episodes: Episodes
     is_exact: bool
     bound: SuccessBound | None = None
+    strata: int = 1
 
     def __repr__(self) -> str:
         value, low, high = self.success.scaled(100.0)
@@ -84,9 +92,7 @@ class Evaluation:
     @property
     def success(self) -> Estimate:
         """The success by the time limit, exact or with Hall's interval."""
-        if self.is_exact:
-            return Estimate.exact(float(self.curves[0, -1]))
-        return bounded_mean(self.curves[:, -1])
+        return self._mean(self.curves[:, -1])
 
     @property
     def success_alive(self) -> Estimate | None:
@@ -102,7 +108,7 @@ class Evaluation:
             return None
         alive = np.mean([[*map(person.alive, steps)] for person in persons], axis=0)
         success = (np.diff(self.curves, axis=1) * alive).sum(axis=1)
-        return Estimate.exact(float(success[0])) if self.is_exact else bounded_mean(success)
+        return self._mean(success)
 
     @property
     def times(self) -> Floats:
@@ -121,8 +127,8 @@ class Evaluation:
         survival time, BMC Medical Research Methodology 13:152, 2013.
         """
         if self.is_exact:
-            return Estimate.exact(math.fsum((1.0 - self.curves[0, :-1]).tolist()))
-        return bounded_mean(self.times, most=self.limit)
+            return Estimate.exact(math.fsum((1.0 - self.success_by_time[:-1]).tolist()))
+        return self._mean(self.times, most=self.limit)
 
     @property
     def mean_return(self) -> float:
@@ -142,9 +148,21 @@ class Evaluation:
     def _per_cell(self, counts: Ints) -> Estimate:
         scenario = self.search.scenario
         cells = scenario.grid_size**2
-        if self.is_exact and self.is_coverage:  # all episodes are equal
-            return Estimate.exact(float(counts[0]) / cells)
-        return bounded_mean(counts / cells, most=scenario.n_drones * self.limit / cells)
+        if self.is_exact and self.is_coverage:  # all episodes of a search are equal
+            return Estimate.exact(float(counts[: self.strata].mean()) / cells)
+        return self._mean_of_draws(counts / cells, most=scenario.n_drones * self.limit / cells)
+
+    def _mean(self, values: Floats, most: float = 1.0) -> Estimate:
+        """The mean of a figure that has no sampling error if the evaluation is exact."""
+        if self.is_exact:
+            return Estimate.exact(float(values.mean()))
+        return self._mean_of_draws(values, most)
+
+    def _mean_of_draws(self, values: Floats, most: float) -> Estimate:
+        """The mean of a figure that depends on the draws of the episodes."""
+        if len(values) >= 2 * self.strata > 2:
+            return stratified_mean(values, self.strata)
+        return bounded_mean(values, most=most)
 
     @property
     def share_of_bound(self) -> Estimate | None:
@@ -224,9 +242,11 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
 
     Differences of exact values are exact. If one value is exact, the other gives the interval. Two
     samples use common random numbers, so Hall's interval for their paired differences is narrow.
+    Over several given searches, the errors of both add up.
 
     Raises:
-        ValueError: they are of different searches; or of different episodes, and not both exact.
+        ValueError: they are of different searches; or both are samples of one search, of different
+            episodes.
     """
     one, other = (result.search.with_posterior(False) for result in (first, second))
     if one.data != other.data:
@@ -235,12 +255,13 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
             f"{second.search.name!r} and {first.search.name!r}"
         )
     mine, theirs = ((result.seed, len(result.episodes)) for result in (first, second))
-    if mine != theirs and not (first.is_exact and second.is_exact):
+    are_independent = first.is_exact or second.is_exact or first.strata > 1
+    if mine != theirs and not are_independent:
         raise ValueError(
             f"second must be of the same episodes as first, {mine[1]} from seed {mine[0]}, "
             f"got {theirs[1]} from seed {theirs[0]}"
         )
-    if first.is_exact or second.is_exact:
+    if are_independent:
         success = difference(first.success, second.success)
         time = difference(first.time, second.time)
     else:

@@ -83,6 +83,21 @@ def bounded_mean(sample: ArrayLike, least: float = 0.0, most: float = 1.0) -> Es
     return Estimate(mean, *(min(max(limit, least), most) for limit in limits))
 
 
+def stratified_mean(sample: ArrayLike, strata: int) -> Estimate:
+    """Estimate the mean over fixed strata, of which each gave equally many values in turn.
+
+    Value i is of stratum i % strata. The error is that of the values within the strata, since
+    the strata are given and not drawn: W. G. Cochran, Sampling Techniques, 3rd edition, 1977,
+    section 5.4. At least two values of each are needed.
+    """
+    values = np.asarray(sample, np.float64).reshape(-1, strata)
+    rounds = len(values)
+    variance = float(values.var(axis=0, ddof=1).mean()) / (rounds * strata)
+    mean = float(values.mean())
+    error = Z * math.sqrt(variance)
+    return Estimate(mean, mean - error, mean + error)
+
+
 def _student(normal: float, skewness: float, n: int) -> float:
     """The value of Student's statistic, over the root of n, that Hall's transformation maps.
 

@@ -7,6 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from DroneSwarmSearch._internal.progress import progress
+from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.core.scenario import resolve_scenario
@@ -15,7 +17,7 @@ from DroneSwarmSearch.evaluation.results import Evaluation, compare, save_csv
 from DroneSwarmSearch.evaluation.run import evaluate
 from DroneSwarmSearch.evaluation.text_tables import figure, percent, print_table, signed
 from DroneSwarmSearch.layouts.view import View
-from DroneSwarmSearch.training.tasks import EPISODES, SEED, Task
+from DroneSwarmSearch.training.tasks import SEED, Task
 
 
 def compare_with_baselines(
@@ -35,7 +37,7 @@ def compare_with_baselines(
         parameters: those of `DroneSwarmSearch`, and optionally "drones_positions"; or a task, in
             whose held-out searches `random` and `greedy-matrix` are the baselines.
         view: what the policy sees and returns, as for `evaluate`.
-        episodes: number of episodes; at least 1. A task has 500.
+        episodes: number of episodes, at least 1; a task decides itself.
         name: the policy's name in the table.
         folder: evaluation.csv is written there, one row per policy; search.json, which the
             commands read as a search; and video.gif, the episode with seed 0. If `policy` is a
@@ -50,16 +52,24 @@ def compare_with_baselines(
     """
     judge: Callable[..., Evaluation]
     if isinstance(parameters, Task):
-        search, judge = parameters.held_out()[0], parameters.evaluate
-        baselines, episodes = ("random", "greedy-matrix"), EPISODES
+        searches = parameters.held_out()
+        search, judge = searches[0], parameters.evaluate
+        baselines = ("random", "greedy-matrix")
+        protocol = f"Means over the {plural(len(searches), 'held-out search', 'es')}"
     else:
         given = dict(parameters)
         drones = given.pop("drones_positions", ())
         reason = f"An episode that {name} has not trained on."
         search = NamedSearch("task", reason, resolve_scenario(**given), drones)
         judge = partial(evaluate, search=search, episodes=episodes, seed=SEED)
+        protocol = f"{episodes:,} episodes, the same for all policies"
+    print(f"Comparing {name} with {', '.join(baselines)}", flush=True)
     trained = judge(policy, view=view, name=name)
-    every = [trained, *map(judge, baselines)]
+    every = [trained]
+    with progress("comparison", len(baselines)) as bar:
+        for number, baseline in enumerate(baselines, 1):
+            every.append(judge(baseline))
+            bar(number)
     rows = []
     for result in every:
         crashes = result.endings[Ending.COLLISION] + result.endings[Ending.LEFT_GRID]
@@ -67,13 +77,13 @@ def compare_with_baselines(
         if result is not trained:
             success = compare(trained, result).success.scaled(100.0)
             lead = [signed(success), signed(compare(result, trained).time)]
-        figures = percent(result.success), figure(result.time), f"{100 * crashes / episodes:.1f}"
+        share = crashes / len(result.episodes)
+        figures = percent(result.success), figure(result.time), f"{100 * share:.1f}"
         rows.append([result.policy, *figures, *lead])
     headers = ["success, %", "time, steps", "crashes, %", "lead, points", "lead, steps"]
     print_table(["policy", *headers], rows, words=1)
     print(
-        f"\n{episodes:,} episodes, the same for all policies; 95% intervals in parentheses;\n"
-        "success and time without one are exact.\n"
+        f"\n{protocol}; 95% intervals in parentheses;\nsuccess and time without one are exact.\n"
         "Success: all persons found within the limit. Time: until then, or the limit.\n"
         "Crashes: episodes that end with a collision or with a drone off the grid.\n"
         f"Lead of {name} over each baseline, in percentage points and in steps."
@@ -82,8 +92,9 @@ def compare_with_baselines(
         save_csv(Path(folder) / "evaluation.csv", every)
         search.save(file := Path(folder) / "search.json")
         video = Path(folder) / "video.gif"
+        print(f"\nRecording an episode as {video}", flush=True)
         record(policy, search, video, view=view, name=name)
-        print(f"\n{video} shows the policy.")
+        print(f"{video} shows the policy.")
         if isinstance(policy, str):
             print(f"To watch it: python -m DroneSwarmSearch play {file} --policy {policy}")
     return every

@@ -9,18 +9,23 @@ from typing import Any
 
 import numpy as np
 
+from DroneSwarmSearch._internal.progress import progress as shown_progress
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.persons import Person
+from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.results import Evaluation
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.run import Case
-from DroneSwarmSearch.evaluation.stage import prepared
+from DroneSwarmSearch.evaluation.stage import PolicyLike, copied, prepared
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.vector.engine import Sampler
 
 SEED = 1_000_000  # of held-out episodes; training usually starts from small seeds
-EPISODES = 500
+EPISODES = 500  # of a round
+
+PRECISION = 0.001  # half of the 95% interval of the success, at which no further round is flown
+MOST_ROUNDS = 40
 
 TRAINING_TASK: dict[str, Any] = {
     "grid_size": 10,
@@ -60,21 +65,51 @@ class Task:
         ]
 
     def evaluate(
-        self, policy: object, *, view: View | str | None = None, name: str | None = None
+        self,
+        policy: object,
+        *,
+        view: View | str | None = None,
+        deterministic: bool | None = None,
+        name: str | None = None,
+        progress: bool = True,
     ) -> Evaluation:
-        """Evaluate a policy in 500 held-out episodes, one of each search of `held_out`.
+        """Evaluate a policy on the held-out searches, which are the same for everybody.
+
+        The success is the mean over them. That of a deterministic policy is exact after one round
+        of 500 episodes, one of each search. Others fly more rounds, with the next seeds, until the
+        95% interval is the success +- 0.1 points; it accounts for the actions that they draw.
 
         Arguments as for `evaluation.evaluate`. One policy flies all episodes together, made from
         the `Scenario` of the first: it must not know more of the person than it observes. Evaluate
         others, such as the planner, in every search of `held_out`.
         """
         first, *_ = searches = self.held_out()
-        case, seeds = Case.of(policy, first, view, name=name), range(SEED, SEED + EPISODES)
+        case = Case.of(policy, first, view, deterministic, name)
         persons = tuple(search.scenario.persons_to_find for search in searches)
         scenario = case.search.scenario.replace(persons=persons[0])
         combined = _SeveralSearches("held-out", first.reason, scenario, situations=persons)
-        played = play(prepared(case.spec, first), combined, seeds, case.view)
-        return Evaluation(case.spec.name, combined, SEED, case.view, played, is_exact=False)
+        made = prepared(case.spec, first)
+        flown = [_round(made, combined, 0, case.view)]
+        result = partial(
+            Evaluation,
+            policy=case.spec.name,
+            search=combined,
+            seed=SEED,
+            view=case.view,
+            is_exact=case.is_exact,
+            strata=len(searches),
+        )
+        if case.is_exact:
+            (only,) = flown
+            return result(episodes=only if len(searches) > 1 else only.with_common_curve())
+        with shown_progress(f"{case.spec.name}, rounds", MOST_ROUNDS, progress) as bar:
+            while len(flown) < MOST_ROUNDS:
+                flown.append(_round(made, combined, len(flown), case.view))
+                bar(len(flown))
+                success = result(episodes=Episodes.joined(flown)).success
+                if success.high - success.low <= 2.0 * PRECISION:
+                    break
+        return result(episodes=Episodes.joined(flown))
 
 
 @dataclass(frozen=True)
@@ -87,6 +122,12 @@ class _SeveralSearches(NamedSearch):
     def parameters(self) -> dict[str, Any]:
         which = np.arange(EPISODES) % len(self.situations)
         return {**super().parameters, "situations": self.situations, "situation": which}
+
+
+def _round(policy: PolicyLike, search: _SeveralSearches, number: int, view: View) -> Episodes:
+    """One episode of each of the held-out searches, or 500 of the only one."""
+    first = SEED + number * EPISODES
+    return play(copied(policy), search, range(first, first + EPISODES), view)
 
 
 def _any_drift(grid_size: int, rng: np.random.Generator) -> dict[str, Any]:

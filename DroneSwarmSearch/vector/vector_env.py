@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
+from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.rules import Action, Ending, successes
@@ -22,7 +24,7 @@ from DroneSwarmSearch.layouts.layout import Observations
 from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.observations import BatchObservations
+from DroneSwarmSearch.vector.observations import TOP_CELLS, BatchObservations
 
 Values = Any  # an array with a first axis for the sub-environments
 Infos = dict[str, Any]
@@ -56,7 +58,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         /,
         *,
         observation: str = "dict",
-        top_cells: int = 8,
+        top_cells: int = TOP_CELLS,
         write_matrices: bool = True,
         action_mask: str | None = None,
         right_of_way: bool = False,
@@ -67,8 +69,15 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         render_mode: str | None = None,
         **parameters: Any,
     ) -> None:
+        self._check_names(parameters)
         swarms = checks.integer(self._count_name, num_swarms, 1)
         checks.choice("observation", observation, tuple(LAYOUTS))
+        checks.integer("top_cells", top_cells, 1)
+        if top_cells != TOP_CELLS and observation != "top-cells":
+            raise ValueError(
+                f"top_cells belongs to observation='top-cells', got {top_cells} with "
+                f"observation={observation!r}"
+            )
         has_sampler = parameters.get("sampler") is not None
         checks.boolean("write_matrices", write_matrices)
         if not write_matrices and (observation != "dict" or has_sampler):
@@ -107,6 +116,17 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         # Once a large block has been freed, glibc keeps what steps free, instead of returning it
         # to the system: with 64 searches and crops, a step takes a third less time.
         np.empty(2**24, np.uint8)
+
+    @classmethod
+    def _check_names(cls, parameters: Mapping[str, Any]) -> None:
+        """Raise a TypeError for a keyword that no constructor on the way knows."""
+        known = [*inspect.signature(cls).parameters]
+        for name in parameters:
+            if name not in known:
+                raise TypeError(
+                    f"{cls.__name__} got an unexpected keyword argument {name!r}"
+                    f"{did_you_mean(name, known)}"
+                )
 
     @abstractmethod
     def _rewards(self) -> Floats:
@@ -208,11 +228,17 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         return self._observed(), rewards, terminated, truncated, infos
 
     def render(self) -> tuple[Any, ...] | None:
-        """Render every swarm as text or as a picture, uint8 (H, W, 3); see `render_mode`."""
+        """Render every sub-environment as text or as a picture, uint8 (H, W, 3); see `render_mode`.
+
+        All drones of a swarm share the picture of their swarm.
+        """
         if self.render_mode is None:
             return None
-        frames = map(self.frame, range(self.batch.num_rows))
-        return tuple(self._display.render(frame, self.render_mode) for frame in frames)
+        shown: list[Any] = []
+        for swarm in range(self.batch.num_rows):
+            picture = self._display.render(self.frame(swarm), self.render_mode)
+            shown += [picture] * self._each
+        return tuple(shown)
 
     # Beyond Gymnasium's API.
 
