@@ -31,6 +31,8 @@ from DroneSwarmSearch.training import TASKS
 
 ROOT = Path(__file__).parents[1]
 RESULTS, CURVES = (ROOT / f"docs/benchmark/{name}.csv" for name in ("results", "curves"))
+PAGE = ROOT / "docs/benchmark/index.md"
+BEGIN, END = "<!-- table: python benchmarks/algorithms.py report -->\n", "<!-- /table -->\n"
 ALGORITHMS = ("ippo", "mappo", "iql", "vdn", "qmix")
 BASELINES = ("random", "greedy-matrix", "greedy-posterior", "imitation", "planner")
 STEPS, PLANNING = 400_000, 1.0  # of a training; seconds of work for a plan
@@ -161,6 +163,12 @@ def table() -> str:
     return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
 
 
+def page() -> str:
+    """The page with the table as it should be."""
+    before, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
+    return before + BEGIN + table() + END + rest.partition(END)[2]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -181,7 +189,7 @@ def main() -> None:
             if (name, task, "") not in done:
                 baseline(name, task)
     else:
-        RESULTS.with_name("table.md").write_text(table(), "utf-8")
+        PAGE.write_text(page(), "utf-8")
 
 
 if __name__ == "__main__":

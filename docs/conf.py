@@ -54,7 +54,7 @@ copyright = f"2026, {author}"
 release = version = DroneSwarmSearch.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton"]
-exclude_patterns = ["Thumbs.db", ".DS_Store", "benchmark/table.md"]
+exclude_patterns = ["Thumbs.db", ".DS_Store"]
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4

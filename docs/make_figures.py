@@ -52,7 +52,7 @@ from DroneSwarmSearch.drift.axes import Axes as DriftAxes
 from DroneSwarmSearch.drift.axes import distribution
 from DroneSwarmSearch.drift.belief import Belief
 from DroneSwarmSearch.drift.models import drift_model
-from DroneSwarmSearch.evaluation import evaluate, search
+from DroneSwarmSearch.evaluation import evaluate, plots, search
 from DroneSwarmSearch.incident import Incident, flights
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
 from DroneSwarmSearch.policies.datum import Datum
@@ -136,6 +136,10 @@ class Sampling(NamedTuple):
 
     episodes: int
 
+
+DECIMALS = re.compile(rb"(\.\d\d)\d+")  # of a number, the first two
+
+PRINTED = {"benchmark": ("png", "pdf")}  # further kinds of files, for papers and slides
 
 FULL, SHORT = Sampling(4000), Sampling(50)
 
@@ -1022,32 +1026,35 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
 @figure("benchmark")
 def benchmark(theme: Theme, sampling: Sampling) -> Figure:
     """Draw the learning curves of the benchmark: means over the seeds, and their range."""
-    chart = Figure(figsize=(WIDTH, 2.9), layout="constrained")
-    panels = chart.subplots(1, 3, sharey=True)
+    chart = Figure(figsize=(WIDTH, 4.6), layout="constrained")
+    rows = chart.subplots(2, 3, sharex="col", height_ratios=[1, 1.5])
     with (BENCHMARK / "curves.csv").open(encoding="utf-8", newline="") as file:
         curves = [*csv.DictReader(file)]
     with (BENCHMARK / "results.csv").open(encoding="utf-8", newline="") as file:
         results = [*csv.DictReader(file)]
     colours = dict(zip(sorted({row["algorithm"] for row in curves}), theme.series, strict=True))
     levels = {"planner": "-.", "greedy-matrix": (0, (4, 2)), "random": ":"}
-    for axes, task in zip(panels, TASKS, strict=True):
-        axes.set_title(task)
-        for row in results:
-            if row["task"] == task and (dashes := levels.get(row["algorithm"])):
-                axes.axhline(
-                    float(row["success"]), color=theme.grey, linestyle=dashes, linewidth=1.2
-                )
-        for algorithm, colour in colours.items():
-            found: dict[float, list[float]] = {}
-            for row in curves:
-                if (row["algorithm"], row["task"]) == (algorithm, task):
-                    found.setdefault(float(row["steps"]), []).append(float(row["found"]))
-            values = [*found.values()]
-            axes.plot([*found], [*map(np.mean, values)], color=colour, linewidth=1.3)
-            ends = [*map(min, values)], [*map(max, values)]
-            axes.fill_between([*found], *ends, color=colour, alpha=0.2, linewidth=0)
-        axes.set_xlabel("environment steps")
-    show_success_over_steps(panels)
+    for number, task in enumerate(TASKS):
+        known = {
+            row["algorithm"]: float(row["success"])
+            for row in results
+            if row["task"] == task and row["algorithm"] in levels
+        }
+        for axes in rows[:, number]:
+            for name, success in known.items():
+                axes.axhline(success, color=theme.grey, linestyle=levels[name], linewidth=1.2)
+            for algorithm, colour in colours.items():
+                mine = [r for r in curves if (r["algorithm"], r["task"]) == (algorithm, task)]
+                draw_range(axes, mine, colour)
+        show_success_over_steps(rows[:, number])
+        rows[0, number].set_title(task)
+        rows[1, number].yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+        best, usual = known["planner"], known["greedy-matrix"]
+        margin = best - usual
+        rows[1, number].set_ylim(usual - 0.75 * margin, best + 0.25 * margin)
+        rows[1, number].set_xlabel("environment steps")
+    for row, label in zip(rows, ("success", "the same, enlarged"), strict=True):
+        row[0].set_ylabel(label)
     lines = [
         *(Line2D([], [], color=colour, label=name.upper()) for name, colour in colours.items()),
         *(
@@ -1059,15 +1066,25 @@ def benchmark(theme: Theme, sampling: Sampling) -> Figure:
     return chart
 
 
-def svg(name: str, theme: Theme, sampling: Sampling = FULL) -> bytes:
+def draw_range(axes: Axes, rows: list[dict[str, str]], colour: str) -> None:
+    """Draw the mean of some learning curves, and their range."""
+    found: dict[float, list[float]] = {}
+    for row in rows:
+        found.setdefault(float(row["steps"]), []).append(float(row["found"]))
+    steps, values = [*found], [*found.values()]
+    axes.plot(steps, [*map(np.mean, values)], color=colour, linewidth=1.3)
+    lowest, highest = [*map(min, values)], [*map(max, values)]
+    axes.fill_between(steps, lowest, highest, color=colour, alpha=0.2, linewidth=0)
+
+
+def svg(name: str, theme: Theme, sampling: Sampling = FULL, kind: str = "svg") -> bytes:
     """Return the content of a figure's file."""
     plt.switch_backend("agg")  # no window
     with style.context(["default", style_of(theme)]):
-        content = io.BytesIO()
-        REGISTRY[name](theme, sampling).savefig(
-            content, format="svg", metadata={"Date": None, "Creator": None}
-        )
-    return content.getvalue()
+        content = plots.encoded(REGISTRY[name](theme, sampling), kind)
+    if kind == "svg":  # a hundredth of a point is exact enough for paths
+        content = re.sub(rb' d="[^"]*"', lambda path: DECIMALS.sub(rb"\1", path[0]), content)
+    return content
 
 
 def make(names: list[str], folder: Path, sampling: Sampling = FULL) -> list[Path]:
@@ -1078,6 +1095,10 @@ def make(names: list[str], folder: Path, sampling: Sampling = FULL) -> list[Path
         for theme in THEMES:
             path = folder / f"{name}-{theme.name}.svg"
             path.write_bytes(svg(name, theme, sampling))
+            written.append(path)
+        for kind in PRINTED.get(name, ()):
+            path = folder / f"{name}.{kind}"
+            path.write_bytes(svg(name, THEMES[0], sampling, kind))
             written.append(path)
     return written
 

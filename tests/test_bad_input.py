@@ -4,16 +4,30 @@ import copy
 import os
 import random
 from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from helpers import observed, plain, play, play_on, whole_state
 
-from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded, RewardScheme
+import DroneSwarmSearch as package
+from DroneSwarmSearch import (
+    Action,
+    DroneSwarmSearch,
+    Person,
+    ResetNeeded,
+    RewardScheme,
+    Scale,
+    Scenario,
+    Tracks,
+)
 from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
+from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.policies import make
+from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
 
 NAN, INF = float("nan"), float("inf")
 PERSON = "person_initial_position"
@@ -189,6 +203,86 @@ def test_step_rejects(actions, error, said):
         refused(lambda: env.step(actions), error, *said, "got")
 
     assert_untouched(in_mid_episode(), bad_step)
+
+
+DRIFT = Drift((3, 3))
+SAVED = next((Path(package.__file__).parent / "evaluation").rglob("*.npz"))  # tracks of the suite
+TRACKS = Tracks(np.full((12, 2, 2), 3.0))
+
+# Calls of other parts of the package: the call, the error, and parts of the message.
+OTHERS: dict[str, tuple[Any, ...]] = {
+    "policies.make(3)": (lambda: make(3, Scenario()), TypeError, "name must be one of", "got 3"),
+    "an unknown policy": (lambda: make("greedy", Scenario()), ValueError, "did you mean greedy-"),
+    "a scenario of a list": (lambda: Scenario.from_dict([]), TypeError, "mapping", "got []"),
+    "a huge number": (lambda: DroneSwarmSearch(vector=(10**400, 0)), ValueError, "vector[0]"),
+    "a larger one": (lambda: DroneSwarmSearch(vector=(10**5000, 0)), ValueError, "bits"),
+    "a huge fraction": (
+        lambda: Drift((0, 0), diffusion=Fraction(10**400)),
+        ValueError,
+        "diffusion",
+    ),
+    "a huge cell": (lambda: DroneSwarmSearch(**{PERSON: (10**400, 0)}), ValueError, PERSON),
+    "a huge POD": (lambda: Person(DRIFT, 10**400), ValueError, POD),
+    "fine of text": (lambda: Person(DRIFT, fine="abc"), TypeError, "fine must be an integer"),
+    "classes of text": (lambda: Person(DRIFT, classes="abc"), TypeError, "classes must be an"),
+    "fine without tracks": (lambda: Person(DRIFT, fine=3), ValueError, "belong to tracks"),
+    "classes without tracks": (lambda: Person(DRIFT, classes=2), ValueError, "belong to tracks"),
+    "too many classes": (lambda: Person(TRACKS, classes=10**400), ValueError, "classes", "1 to 2"),
+    "wants_table": (lambda: SearchBatch(2, wants_table=1), TypeError, "wants_table must be True"),
+    "finds_last": (lambda: SearchBatch(2, finds_last="no"), TypeError, "finds_last must be True"),
+    "top_cells of text": (
+        lambda: SwarmVectorEnv(2, top_cells="8"),
+        TypeError,
+        "top_cells must be an integer of at least 1, got '8'",
+    ),
+    "top_cells of flat": (
+        lambda: SwarmVectorEnv(2, top_cells=9, observation="flat"),
+        ValueError,
+        "top_cells belongs to observation='top-cells', got 9",
+    ),
+    "progress": (
+        lambda: evaluate("random", Scenario(), episodes=1, progress="bar"),
+        TypeError,
+        "progress must be True or False, got 'bar'",
+    ),
+    "an unknown parameter": (
+        lambda: DroneVectorEnv(num_envs=64),
+        TypeError,
+        "DroneVectorEnv got an unexpected keyword argument 'num_envs'; did you mean num_swarms",
+    ),
+    "a sampler of NaN": (
+        lambda: SearchBatch(2, sampler=lambda rng: {"vector": (NAN, 0)}).reset(),
+        ValueError,
+        "vector[0] must be a finite number, got nan",
+    ),
+    "a sampler of nothing": (
+        lambda: SearchBatch(2, sampler=lambda rng: NAN).reset(),
+        TypeError,
+        "a search of sampler must be a mapping",
+    ),
+    "a scale for cells": (
+        lambda: Tracks.read(SAVED, scale=Scale(100, 10)),
+        ValueError,
+        "scale, origin, cell, start, steps, diffusivity and seed belong to NetCDF",
+    ),
+}
+
+
+@pytest.mark.filterwarnings("ignore:.*tracks are few")
+@pytest.mark.parametrize(
+    ("call", "error", "said"),
+    [pytest.param(call, error, said, id=name) for name, (call, error, *said) in OTHERS.items()],
+)
+def test_other_calls_are_refused(call, error, said):
+    refused(call, error, *said)
+
+
+@pytest.mark.parametrize("make_one", [DroneSwarmSearch, lambda: SwarmVectorEnv(2)])
+def test_a_mistyped_option_of_reset_suggests_the_nearest(make_one):
+    with pytest.warns(UserWarning, match="ignored: 'drone_positions'; did you mean drones_posit"):
+        make_one().reset(options={"drone_positions": [(1, 1)]})
+    with pytest.warns(UserWarning, match=r"ignored: 'options'"):
+        make_one().reset(options={"options": 1})  # as PettingZoo's test
 
 
 @pytest.mark.parametrize("use", ["step", "render", "state", "frame"])

@@ -142,8 +142,6 @@ def test_the_description_is_the_readme_with_links_to_the_tag(built):
         before, link = match.groups()
         if link.startswith("../../"):
             return f"{before}{address['Repository']}/{link[6:]}"
-        if link == "docs/play.md":
-            return f"{before}{address['Documentation']}/play.html"
         kind = "raw" if link.endswith(PICTURES) else "blob"
         return f"{before}{address['Repository']}/{kind}/{tag}/{link}"
 

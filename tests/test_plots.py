@@ -73,13 +73,21 @@ def test_equal_plots_make_equal_files_in_both_themes(tmp_path):
     import matplotlib
 
     files = plots.save(plots.success_by_search, TWO, tmp_path / "new" / "curves")
-    assert [path.name for path in files] == ["curves-light.svg", "curves-dark.svg"]
+    assert [path.name for path in files] == [
+        "curves-light.svg",
+        "curves-dark.svg",
+        "curves.png",
+        "curves.pdf",
+    ]
     with matplotlib.rc_context({"font.size": 20, "lines.linewidth": 9}):  # of the user
         again = plots.save(plots.success_by_search, TWO, tmp_path / "again")
         assert matplotlib.rcParams["font.size"] == 20
     colours = ("#d55e00", "#ff8f4d")  # of the planner
-    for one, other, colour in zip(files, again, colours, strict=True):
+    for one, other in zip(files, again, strict=True):
         assert one.read_bytes() == other.read_bytes()
+    assert files[2].read_bytes().startswith(b"\x89PNG")
+    assert files[3].read_bytes().startswith(b"%PDF")
+    for one, colour in zip(files, colours, strict=False):
         text = one.read_text("utf-8")
         assert colour in text
         assert "<text" not in text  # glyphs are paths, independent of fonts

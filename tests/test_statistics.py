@@ -77,3 +77,8 @@ def test_stratified_means_cover_the_mean_over_given_strata():
         assert low < value < high
     assert 0.92 < np.mean(held) < 0.98
     assert np.mean(widths) == pytest.approx(2 * 1.96 * 0.05 / math.sqrt(200), rel=0.03)
+
+
+def test_estimates_are_printed_with_three_decimals():
+    assert str(Estimate(0.61273824, 0.60812, 0.61571)) == "0.613 (0.608 to 0.616)"
+    assert str(Estimate.exact(0.61273824)) == "0.613"

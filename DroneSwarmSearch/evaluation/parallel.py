@@ -20,6 +20,7 @@ def finished(
     at the end.
     """
     count = checks.integer("workers", workers, 1)
+    checks.boolean("progress", visible)
     with progress(what, len(calls), visible) as bar:
         results: Any = (call() for call in calls)
         if calls and (ray is not None or count > 1):

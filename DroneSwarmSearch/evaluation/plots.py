@@ -32,21 +32,39 @@ POLICIES = (
 
 MARKERS = "Dh>os^vpXPH<d8"
 Draw = Callable[[Sequence[Evaluation]], Figure]
+DPI = 200  # of raster files
+
 SHARES = np.linspace(0.0, 1.0, 101)  # of the time limit, where curves of searches are averaged
 
 
 def save(draw: Draw, evaluations: Sequence[Evaluation], path: Path) -> list[Path]:
-    """Write a plot as `<path>-light.svg` and `<path>-dark.svg`, whatever the user's settings."""
+    """Write a plot as `<path>-light.svg`, `<path>-dark.svg`, `<path>.png` and `<path>.pdf`.
+
+    The last two are light, for papers and slides. The user's settings have no effect.
+    """
+    files = {
+        f"{path.name}-light.svg": "light",
+        f"{path.name}-dark.svg": "dark",
+        f"{path.name}.png": "light",
+        f"{path.name}.pdf": "light",
+    }
     written = []
-    for theme in ("light", "dark"):
-        content, sheets = io.BytesIO(), [f"{STYLES}.{sheet}" for sheet in ("plots", theme)]
+    for name, theme in files.items():
+        sheets = [f"{STYLES}.{sheet}" for sheet in ("plots", theme)]
+        target = path.with_name(name)
         with style.context(["default", *sheets]):
-            draw(evaluations).savefig(
-                content, format="svg", metadata={"Date": None, "Creator": None}
-            )
-        written.append(path.with_name(f"{path.name}-{theme}.svg"))
-        write_bytes(written[-1], content.getvalue())
+            content = encoded(draw(evaluations), target.suffix[1:])
+        write_bytes(target, content)
+        written.append(target)
     return written
+
+
+def encoded(figure: Figure, kind: str) -> bytes:
+    """A figure as a file of the kind "svg", "png" or "pdf"; equal figures make equal files."""
+    dates = {"svg": {"Date": None, "Creator": None}, "pdf": {"CreationDate": None}, "png": {}}
+    content = io.BytesIO()
+    figure.savefig(content, format=kind, dpi=DPI, metadata=dates[kind])
+    return content.getvalue()
 
 
 def success_over_time(evaluations: Sequence[Evaluation]) -> Figure:

@@ -26,6 +26,11 @@ class Estimate(NamedTuple):
         """A value without sampling error."""
         return cls(value, value, value)
 
+    def __str__(self) -> str:
+        """Three decimals, with the interval unless the value is exact."""
+        value, low, high = (f"{number:.3f}" for number in self)
+        return value if self.is_exact else f"{value} ({low} to {high})"
+
     @property
     def is_exact(self) -> bool:
         """Whether the value has no sampling error."""
