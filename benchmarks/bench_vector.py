@@ -36,6 +36,10 @@ GROUPS: dict[str, tuple[Ratio, ...]] = {
         (cases.MATRICES, cases.SINGLE),
         (cases.MATRICES, cases.GATHER),
     ),
+    "training": (
+        (cases.TRAINING, cases.SINGLE_POSTERIOR),
+        (cases.TRAINING_SAMPLER, cases.TRAINING),
+    ),
     "posterior": ((cases.POSTERIOR, cases.SINGLE_POSTERIOR),),
     "forecasts": ((cases.SAMPLER, cases.MATRICES),),
     "situations": (
@@ -50,7 +54,7 @@ GROUPS: dict[str, tuple[Ratio, ...]] = {
         (cases.DRONE_ENV, cases.MATRICES),
         (cases.DRONE_ENV_INDEX, cases.INDEX),
     ),
-    "peers": ((cases.INDEX, DSSE), (cases.MATRICES, DSSE)),
+    "peers": ((cases.TRAINING, DSSE), (cases.INDEX, DSSE), (cases.MATRICES, DSSE)),
     "coin-game": ((cases.INDEX, COIN_GAME), (cases.INDEX, COIN_GAME_SCAN)),
     "memory": (),
 }

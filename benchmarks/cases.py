@@ -247,6 +247,48 @@ def vector_env(
     return make
 
 
+def training(sampled: bool) -> Callable[[Size, int], Run]:
+    """What the training guide recommends: posterior, crops, masks with right of way.
+
+    Actions are drawn from those that the masks allow, and the choice counts. With a sampler, every
+    256 episodes are new searches.
+    """
+
+    def make(size: Size, num_envs: int) -> Run:
+        task = parameters(size)
+        if sampled:
+            middle = task.pop("person_initial_position")
+
+            def sampler(rng: np.random.Generator) -> dict[str, Any]:
+                return {"vector": rng.uniform(-0.3, 0.3, 2), "person_initial_position": middle}
+
+            task["sampler"] = sampler
+        env = DroneVectorEnv(
+            num_envs,
+            observation="crops",
+            action_mask="observation",
+            right_of_way=True,
+            autoreset_mode="SameStep",
+            mission="coverage",
+            bayesian_update=True,
+            shared_reward=True,
+            drones_positions=spread_cells(*size),
+            **task,
+        )
+        observations, _ = env.reset(seed=0)
+        draws = np.random.default_rng(0).random((7, env.num_envs, len(Action)), np.float32)
+
+        def step(row: NDArray[np.int64]) -> None:
+            nonlocal observations
+            scores = draws[row[0, 0]] * observations["action_mask"]
+            observations, *_ = env.step(scores.argmax(axis=1))
+
+        rows = [np.full((1, 1), number) for number in range(len(draws))]
+        return steps_of_batch(env.batch, step, rows)
+
+    return make
+
+
 SINGLE = BenchmarkCase("one environment", lambda size, _: single(size), batched=False)
 SINGLE_POSTERIOR = BenchmarkCase(
     "one environment, posterior", lambda size, _: single(size, bayesian_update=True), batched=False
@@ -257,6 +299,8 @@ GATHER = BenchmarkCase("gather alone", gather)
 POSTERIOR = BenchmarkCase(
     "batch, posterior", lambda size, n: batch_with_matrices(size, n, bayesian_update=True)
 )
+TRAINING = BenchmarkCase("DroneVectorEnv, training", training(sampled=False))
+TRAINING_SAMPLER = BenchmarkCase("DroneVectorEnv, training, a sampler", training(sampled=True))
 SAMPLER = BenchmarkCase("batch, a sampler of drifts", sampled_drifts)
 ONE_HYPOTHESIS = BenchmarkCase("batch, one hypothesis, posterior", situations(1, 1, True))
 TWO_HYPOTHESES = BenchmarkCase("batch, two hypotheses, posterior", situations(2, 1, True))

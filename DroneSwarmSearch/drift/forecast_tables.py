@@ -32,7 +32,8 @@ class ForecastTables(Forecasts):
         self._hypotheses = self.shape[0]
         shape = self._hypotheses, 2, self._size
         self._factors = np.zeros((0, *shape))
-        self._moves = np.zeros((2, 0, *shape))  # to the next higher and to the next lower cell
+        # To the next higher and to the next lower cell, [..., entry].
+        self._moves = np.zeros((2, *shape, 0))
         self._joint: Floats | None = None
         self._scratch = np.empty((2, 0))  # of `drift`
         # The index of each state's column and row in the moves of its entry.
@@ -54,7 +55,8 @@ class ForecastTables(Forecasts):
         self._last_steps = new
         shape = steps * self.count, self._hypotheses, 2, self._size
         self._factors = np.concatenate([self._factors, new.factors.reshape(shape)])
-        self._moves = np.concatenate([self._moves, new.moves[1:].reshape(2, *shape)], axis=1)
+        moves = np.moveaxis(new.moves[1:].reshape(2, *shape), 1, -1)
+        self._moves = np.concatenate([self._moves, moves], axis=-1)
         if new.joint is not None:
             more = new.joint[:-1].reshape(-1, *self.shape)
             self._joint = more if self._joint is None else np.concatenate([self._joint, more])
@@ -86,8 +88,7 @@ class ForecastTables(Forecasts):
     def drift(self, mass: Floats, entries: Ints) -> None:
         mass = mass.reshape(self._hypotheses, self._size, self._size, -1)
         shape: tuple[int, ...] = mass.shape
-        moves = self._moves.take(entries, 1, mode="clip").transpose(0, 2, 3, 4, 1)
-        moves = np.ascontiguousarray(moves, mass.dtype)
+        moves = self._moves.take(entries, -1, mode="clip").astype(mass.dtype, copy=False)
         if self._scratch.shape[1:] != shape:
             self._scratch = np.empty((2, *shape), mass.dtype)
         cells, (higher, lower) = mass.reshape(-1), self._scratch.reshape(2, -1)
@@ -130,8 +131,8 @@ class ForecastTables(Forecasts):
         return joint.argmax(axis=1) if is_certain else None
 
     def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
-        index = self._places.take(states, 1, mode="clip")
-        index += entries * (self._hypotheses * 2 * self._size)
+        index = self._places.take(states, 1, mode="clip") * self._moves.shape[-1]
+        index += entries
         higher, either = self._moves.reshape(2, -1).take(index, 1, mode="clip")
         either += higher
         along_x, along_y = moves_of(draws, higher, either)

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from DroneSwarmSearch._internal.arrays import Singles
-from DroneSwarmSearch.layouts.layout import Layout, Positions
+from DroneSwarmSearch.layouts.layout import Layout, Positions, maxima
 
 WINDOW = 5  # boxes along each side of a window; odd, so that the drone is in the middle box
 
@@ -20,7 +20,11 @@ SCALES = (1, 3, 9, 27)
 """Cells along each side of a box, for each window; odd, so that the drone is in the middle."""
 
 LENGTH = 2 * len(SCALES) * WINDOW**2 + 2  # the length of an observation
+_NO_BOX = len(SCALES) * WINDOW**2  # the number after those of all boxes
+_OWN_BOXES = slice(WINDOW**2 // 2, _NO_BOX, WINDOW**2)  # the middle box of each scale
+
 _LEAST_MAXIMUM = 1e-6  # smaller maxima of a matrix are shown as this one
+_DECADES = -np.log10(_LEAST_MAXIMUM)
 
 _CHUNK_DRONES = 1000
 """Drones processed at once, so that temporary arrays fit a cache. Not a power of two, because
@@ -53,16 +57,21 @@ class CropsLayout(Layout):
         # [scale, border, column or row of the drone]: the borders of the boxes along an axis,
         # clipped to the grid.
         borders = (np.arange(WINDOW + 1) - WINDOW // 2) * scales - scales // 2
-        self._borders = np.clip(borders[..., None] + np.arange(grid_size), 0, grid_size)
-        self._areas = (scales**2).astype(np.float32)[..., None, None]  # of boxes, in cells
+        self._columns = np.clip(borders[..., None] + np.arange(grid_size), 0, grid_size)
+        self._rows = self._columns * (grid_size + 1)  # as offsets in a flat table
+        self._areas = (scales**2).astype(np.float32)[..., None]  # of boxes, in cells
         # A product with this matrix is a cumulative sum, several times as fast as cumsum.
         self._summing = np.triu(np.ones((grid_size, grid_size), np.float32))
-        # [scale, offset + N - 1]: the box along an axis that holds a drone at this offset;
-        # beyond all boxes if it is outside the window.
-        offsets = np.arange(1 - grid_size, grid_size)
-        boxes = (offsets + scales // 2) // scales + WINDOW // 2
-        self._axes = np.where((boxes < 0) | (boxes >= WINDOW), WINDOW**2, boxes)
-        self._is_other = ~np.eye(n_drones, dtype=np.bool_)
+        # [offset down and to the right, scale]: which of all boxes hold a drone at this offset, or
+        # `_NO_BOX`. Offsets are in a square of this reach, row by row.
+        self._reach = min(grid_size - 1, (WINDOW * SCALES[-1]) // 2 + 1)
+        offsets = np.arange(-self._reach, self._reach + 1)
+        along = (offsets + scales // 2) // scales + WINDOW // 2  # (scales, offsets)
+        is_seen = (along >= 0) & (along < WINDOW)
+        first_box = WINDOW**2 * np.arange(len(SCALES))[:, None, None]  # of a scale
+        boxes = first_box + along[:, :, None] * WINDOW + along[:, None]
+        is_seen_both = is_seen[:, :, None] & is_seen[:, None]
+        self._boxes = np.where(is_seen_both, boxes, _NO_BOX).reshape(len(SCALES), -1).T.copy()
 
     def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
         count = max(1, _CHUNK_DRONES // self.n_drones)
@@ -73,20 +82,19 @@ class CropsLayout(Layout):
     def _write_some(
         self, positions: Positions, matrices: Singles, left: Singles, out: Singles
     ) -> None:
-        highest = matrices.max(axis=(1, 2))
+        highest = maxima(matrices)
         windows = out[..., :-2].reshape(*out.shape[:2], *self._windows)
         self._write_boxes(positions, matrices, highest, windows[..., 0, :])
         self._write_others(positions, windows[..., 1, :])
         out[..., -2] = left[:, None]
-        logarithms = np.log10(np.maximum(highest, _LEAST_MAXIMUM)) / -np.log10(_LEAST_MAXIMUM)
-        out[..., -1] = logarithms[:, None]
+        out[..., -1] = (np.log10(np.maximum(highest, _LEAST_MAXIMUM)) / _DECADES)[:, None]
 
     def write_windows(self, positions: Positions, matrices: Singles, out: Singles) -> None:
         """Write only the windows of probabilities, scale by scale.
 
         Matrices are as for `write`, at any scale; `out` is float32, shape (searches, n, 4 * 5²).
         """
-        highest = np.maximum(matrices.max(axis=(1, 2)), np.finfo(np.float32).tiny)
+        highest = np.maximum(maxima(matrices), np.finfo(np.float32).tiny)
         windows = out.reshape(*out.shape[:2], len(SCALES), WINDOW**2)
         self._write_boxes(positions, matrices, highest, windows)
 
@@ -101,26 +109,34 @@ class CropsLayout(Layout):
         sums[:, 1:, 1:] = self._summing.T @ (matrices @ self._summing)
         # The drones are the last axis, because operations along a long last axis are fast.
         x, y = positions.reshape(-1, 2).T
-        across = self._borders.take(x, axis=2)
-        down = self._borders.take(y, axis=2) * width
-        down += np.arange(0, sums.size, width**2).repeat(drones)
+        across = self._columns.take(x, axis=2, mode="clip")
+        down = self._rows.take(y, axis=2, mode="clip")
+        if searches > 1:
+            down += np.arange(0, sums.size, width**2).repeat(drones)
         corners = sums.reshape(-1).take(down[:, :, None] + across[:, None], mode="clip")
         strips = corners[:, 1:] - corners[:, :-1]
         means = strips[:, :, 1:] - strips[:, :, :-1]
-        means /= highest.repeat(drones) * self._areas
-        np.clip(means, 0.0, 1.0, out=means)  # rounding
+        means = means.reshape(scales, boxes, searches, drones)
+        means /= (highest * self._areas)[..., None]
+        np.maximum(means, 0.0, out=means)  # rounding
+        np.minimum(means, 1.0, out=means)
         np.sqrt(means, out=means)
-        out[...] = means.reshape(scales, boxes, searches, drones).transpose(2, 3, 0, 1)
+        out[...] = means.transpose(2, 3, 0, 1)
 
     def _write_others(self, positions: Positions, out: Singles) -> None:
         """Write the windows of the other drones: shape (searches, drones, scales, boxes)."""
-        searches, drones, scales, boxes = out.shape
-        # [search, drone, other]: the other's offset to the right and down, plus N - 1.
-        offsets = positions[:, None, :] - positions[:, :, None] + (self.grid_size - 1)
-        # [scale, search, drone, other]: the box that holds the other.
-        across, down = (self._axes.take(offsets[..., axis], axis=1) for axis in (0, 1))
-        box = down * WINDOW + across
-        seen = (box < boxes) & self._is_other
-        first = np.arange(0, out.size, boxes).reshape(searches, drones, 1, scales)
-        indices = first.transpose(3, 0, 1, 2) + box  # in `out`, flat
-        out[...] = np.bincount(indices[seen], minlength=out.size).reshape(out.shape)
+        searches, drones = out.shape[:2]
+        # [search, drone, other]: the other's offset to the right and down.
+        offsets = positions[:, None] - positions[:, :, None]
+        if self._reach < self.grid_size - 1:
+            np.clip(offsets, -self._reach, self._reach, out=offsets)
+        side = 2 * self._reach + 1
+        places = offsets[..., 1] * side + offsets[..., 0] + (self._reach * (side + 1))
+        boxes = self._boxes.take(places, axis=0, mode="clip")  # (searches, drones, others, scales)
+        # The boxes of every drone in a row of their own, with a last one for those not seen.
+        width = _NO_BOX + 1
+        boxes += np.arange(0, searches * drones * width, width).reshape(searches, drones, 1, 1)
+        counts = np.bincount(boxes.reshape(-1), minlength=searches * drones * width)
+        counts = counts.reshape(searches, drones, width)
+        counts[..., _OWN_BOXES] -= 1  # the drone itself
+        out[...] = counts[..., :-1].reshape(out.shape)

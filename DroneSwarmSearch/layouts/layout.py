@@ -63,8 +63,12 @@ def scaled_positions(positions: Positions, grid_size: int, out: Singles) -> None
     np.divide(positions.astype(np.float32), np.float32(grid_size - 1), out=out)
 
 
-def mark(positions: Positions, planes: Singles) -> None:
-    """Write 1 in each plane's cells (x, y), shape (..., drones, 2), and 0 elsewhere."""
-    planes[...] = 0.0
-    leading = np.ogrid[tuple(map(slice, planes.shape[:-2]))]
-    planes[(*(axis[..., None] for axis in leading), positions[..., 1], positions[..., 0])] = 1.0
+def maxima(matrices: Singles) -> Singles:
+    """The maximum of each matrix: (S,)."""
+    highest: Singles = matrices.reshape(len(matrices), -1).max(axis=1)
+    return highest
+
+
+def scale_to_maximum(matrices: Singles) -> None:
+    """Scale each matrix in place so that its maximum is 1."""
+    matrices /= maxima(matrices)[:, None, None]

@@ -46,13 +46,17 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
     checks.boolean("right_of_way", right_of_way)
     n = checked.shape[-1]
     by_swarm = checked.reshape(math.prod(checked.shape[:-1]), n)
-    swarms, closed = np.arange(len(by_swarm))[:, None], _closed(by_swarm, grid_size)
-    ahead = Grid.of(size).targets[by_swarm]
+    closed = _closed(by_swarm, grid_size)
+    ahead = Grid.of(size).targets.take(by_swarm, axis=0)  # (swarms, n, 6)
     masks: Flags = ahead == by_swarm[..., None]
+    # Flat indices are faster than two axes; `OFF_GRID` is the last cell.
+    flat = closed.reshape(-1)
+    swarm_begins = np.arange(0, closed.size, closed.shape[1])[:, None, None]
+    indices = (ahead % closed.shape[1] + swarm_begins).swapaxes(0, 1).copy()  # (n, swarms, 6)
     for drone in range(n):
-        masks[:, drone] |= ~closed[swarms, ahead[:, drone]]
+        masks[:, drone] |= ~flat.take(indices[drone])
         if right_of_way:
-            closed[swarms, ahead[:, drone]] = True
+            flat[indices[drone]] = True
     return masks.reshape(*checked.shape, len(Action))
 
 

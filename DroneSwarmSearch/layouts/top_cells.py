@@ -23,19 +23,22 @@ class TopCellsLayout(Layout):
         low = np.array([-1, -1, 0] * self.k + [0, 0] + [-1, -1] * (n_drones - 1) + [0], np.float32)
         self.space = spaces.Box(low, np.ones_like(low), dtype=np.float32)
         self._others = own_first(n_drones)[:, 1:]
+        self._drones = np.arange(n_drones)[:, None]
 
     def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
         size, k, own = self.grid_size, self.k, positions[:, :, None]
         cells, probabilities = likeliest_cells(matrices, k)
-        likely = np.stack(np.divmod(cells, size)[::-1], axis=-1)
+        y, x = np.divmod(cells[:, None], size)
         by_cell = out[..., : 3 * k].reshape(*out.shape[:2], k, 3)
-        scaled_positions(likely[:, None] - own, size, by_cell[..., :2])
+        scaled_positions(x - own[..., 0], size, by_cell[..., 0])
+        scaled_positions(y - own[..., 1], size, by_cell[..., 1])
         by_cell[..., 2] = (probabilities / probabilities[:, :1])[:, None]
 
         scaled_positions(positions, size, out[..., 3 * k : 3 * k + 2])
         others = positions[:, self._others] - own
         order = np.abs(others).sum(axis=-1).argsort(axis=-1, kind="stable")
-        others = np.take_along_axis(others, order[..., None], axis=2)
+        searches = np.arange(len(others))[:, None, None]
+        others = others[searches, self._drones, order]
         by_drone = out[..., 3 * k + 2 : -1].reshape(others.shape)
         scaled_positions(others, size, by_drone)
         out[..., -1] = left[:, None]

@@ -12,7 +12,13 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Singles
-from DroneSwarmSearch.layouts.layout import Layout, Positions, mark, own_first, scaled_positions
+from DroneSwarmSearch.layouts.layout import (
+    Layout,
+    Positions,
+    own_first,
+    scale_to_maximum,
+    scaled_positions,
+)
 
 
 class DictLayout(Layout):
@@ -49,7 +55,7 @@ class FlatLayout(Layout):
         scaled = out[..., : 2 * n].reshape(*out.shape[:2], n, 2)
         scaled_positions(positions.take(self._orders, axis=1), self.grid_size, scaled)
         out[..., 2 * n] = left[:, None]
-        matrices /= matrices.max(axis=(1, 2), keepdims=True)
+        scale_to_maximum(matrices)
         out[..., 2 * n + 1 :] = matrices.reshape(len(matrices), 1, -1)
 
 
@@ -64,15 +70,19 @@ class PlanesLayout(Layout):
         self._joint = joint
         planes = 2 + n_drones if joint else 4
         self.space = spaces.Box(0.0, 1.0, (planes, grid_size, grid_size), np.float32)
-        self._orders = own_first(n_drones)
+        self._drones = np.arange(n_drones)
+        self._others = own_first(n_drones)[:, 1:]
 
     def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
-        matrices /= matrices.max(axis=(1, 2), keepdims=True)
+        scale_to_maximum(matrices)
         out[:, :, 0] = matrices[:, None]
+        out[:, :, 1:-1] = 0.0
+        searches = np.arange(len(out))[:, None]
+        x, y = positions[..., 0], positions[..., 1]
         if self._joint:
-            mark(positions[:, None, :, None], out[:, :, 1:-1])
+            out[searches, 0, 1 + self._drones, y, x] = 1.0
         else:
-            ordered = positions[:, self._orders]
-            mark(ordered[:, :, :1], out[:, :, 1])
-            mark(ordered[:, :, 1:], out[:, :, 2])
+            out[searches, self._drones, 1, y, x] = 1.0
+            x, y = x.take(self._others, axis=1), y.take(self._others, axis=1)
+            out[searches[..., None], self._drones[:, None], 2, y, x] = 1.0
         out[:, :, -1] = left[:, None, None, None]

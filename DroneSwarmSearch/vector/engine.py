@@ -292,7 +292,9 @@ class SearchBatch:
                 f"step: the episodes of searches {beginning.tolist()} have ended; reset them "
                 "first, in a vector environment with options={'reset_mask': ...}"
             )
-        catalogue = self._sampled(beginning, self._rng) if self._unused <= 0 else None
+        catalogue = None
+        if beginning.size and self._unused <= 0:
+            catalogue = self._sampled(beginning, self._rng)
 
         # The input is valid: from here on the batch changes.
         self._changing = True

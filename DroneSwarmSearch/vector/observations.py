@@ -91,7 +91,11 @@ class BatchObservations:
             out["positions"][...] = positions
             batch.write_matrices(out["probability_matrix"])
             return
-        matrices = batch.matrices_of(np.arange(batch.num_rows)[which])
+        if rows is None:
+            matrices = np.empty((batch.num_rows, self._size, self._size), np.float32)
+            batch.write_matrices(matrices)
+        else:
+            matrices = batch.matrices_of(rows)
         left = remaining_time_fraction(batch.steps[which], self._limit)
         if not self._stacks:  # the layouts have an axis for the swarms and one for their drones
             shape = len(cells), self._each
