@@ -9,10 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import data_of
+from helpers import bound_by_time, data_of
 
 from DroneSwarmSearch import Scenario
-from DroneSwarmSearch.evaluation import NamedSearch, View, evaluate, leaderboard, run, save_csv
+from DroneSwarmSearch.evaluation import (
+    SUITE,
+    NamedSearch,
+    View,
+    evaluate,
+    leaderboard,
+    run,
+    save_csv,
+)
 from DroneSwarmSearch.evaluation.rollout import play
 
 OWN = (
@@ -226,7 +234,9 @@ def test_damaged_files_are_named(tmp_path, damage):
     assert data_of(evaluated()) == data_of(first)
 
 
-def test_damaged_bounds_are_named(tmp_path):
+def test_damaged_bounds_are_named(tmp_path, monkeypatch):
+    curve = np.linspace(0.0, 0.9, SUITE["pond"].scenario.timestep_limit + 1)
+    monkeypatch.setattr(run, "success_bound", lambda *_: bound_by_time(curve))
     board = leaderboard(["random"], ["pond"], episodes=2, out=tmp_path, progress=False)
     (file,) = (path for path in files_in(tmp_path) if path.name.startswith("pond.bound"))
     limit = board.evaluations[0].limit

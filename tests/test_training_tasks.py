@@ -58,7 +58,7 @@ def test_all_held_out_searches_are_evaluated_together(name):
     assert together.success.value == pytest.approx(published, abs=1e-3)  # ties differ by NumPy
 
 
-@pytest.mark.parametrize("name", ["small", "medium"])
+@pytest.mark.parametrize("name", ["small", pytest.param("medium", marks=pytest.mark.slow)])
 def test_a_policy_that_draws_flies_rounds_until_its_success_is_known(name):
     """As the zero of the score; its interval is that of the draws over the given searches."""
     found = TASKS[name].evaluate("random")

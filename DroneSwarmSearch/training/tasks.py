@@ -79,9 +79,17 @@ class Task:
         of 500 episodes, one of each search. Others fly more rounds, with the next seeds, until the
         95% interval is the success +- 0.1 points; it accounts for the actions that they draw.
 
-        Arguments as for `evaluation.evaluate`. One policy flies all episodes together, made from
-        the `Scenario` of the first: it must not know more of the person than it observes. Evaluate
-        others, such as the planner, in every search of `held_out`.
+        One policy flies all episodes together, made from the `Scenario` of the first: it must not
+        know more of the person than it observes. Evaluate others, such as the planner, in every
+        search of `held_out`.
+
+        Args:
+            policy: as for `evaluation.evaluate`.
+            view: what the policy sees and returns, as for `evaluate`.
+            deterministic: whether its actions depend on nothing but what it has observed, as for
+                `evaluate`.
+            name: the policy's name in results.
+            progress: show a progress bar on a terminal, if tqdm is installed.
         """
         first, *_ = searches = self.held_out()
         case = Case.of(policy, first, view, deterministic, name)
