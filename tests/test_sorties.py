@@ -56,7 +56,7 @@ def flown(tmp_path):
 
 def credit(incident: Incident) -> float:
     """What the flights of an incident would have found."""
-    return incident.particles(20_000, 0).found
+    return incident.particles(4_000, 0).found
 
 
 LATER = {
@@ -81,7 +81,7 @@ def test_what_was_flown_keeps_its_credit(flown, changes):
     usual, changed = incident.after(flown), incident.after(flown, **changes)
     assert credit(usual) > 0.05
     # Other steps and streams of random numbers, but the same flights in the same weather.
-    assert credit(changed) == pytest.approx(credit(usual), abs=0.012)
+    assert credit(changed) == pytest.approx(credit(usual), abs=0.03)
     assert changed.flown == usual.flown
     (flight,) = changed.flown
     assert (flight.swath, flight.probability_of_detection) == (200.0, 0.8)
@@ -133,7 +133,7 @@ def test_a_leg_that_the_report_cuts_counts_from_there(flown):
     *_, after = flight.waypoints[:4]
     begin = Waypoint(cut.time, (54.2 + 54.21) / 2, 7.8, 100.0, True)
     whole = FlownFlight((begin, after, *flight.waypoints[4:]), 200.0, 0.8)
-    assert credit(cut) == pytest.approx(credit(replace(cut, flown=[whole])), abs=0.002)
+    assert credit(cut) == pytest.approx(credit(replace(cut, flown=[whole])), abs=0.004)
 
 
 def test_the_summary_says_which_flights_do_not_count(flown):
