@@ -61,6 +61,8 @@ def run(options: argparse.Namespace) -> int:
 def evaluate(options: argparse.Namespace) -> None:
     """Evaluate a policy, and print a table."""
     if options.list:
+        if options.policy is not None:
+            raise ValueError("--list cannot be given together with a policy or searches")
         _print_suite()
         return
     if options.policy is None or not options.searches:

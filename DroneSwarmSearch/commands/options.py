@@ -7,10 +7,13 @@ from typing import Any
 
 
 class Once(argparse.Action):
-    """Stores a value, as `argparse` does by default, but refuses to replace one silently."""
+    """Stores a value, as `argparse` does by default, but refuses to replace one silently.
+
+    What was typed is in the namespace's `given`, by destination.
+    """
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option_string: Any = None) -> None:
-        given = vars(namespace).setdefault("given", {})
+        given: dict[str, Any] = namespace.given
         if option_string is not None and self.dest in given:
             raise argparse.ArgumentError(
                 self, f"must be given once, got {_shown(given[self.dest])} and {_shown(values)}"
@@ -24,6 +27,7 @@ def add_parser(several: Any, name: str, **options: Any) -> argparse.ArgumentPars
     parser: argparse.ArgumentParser = several.add_parser(name, **options)
     for action in (None, "store"):
         parser.register("action", action, Once)
+    parser.set_defaults(given={})
     return parser
 
 

@@ -68,6 +68,10 @@ def run(options: argparse.Namespace) -> None:
     """Play a search as the options say."""
     if options.manual and options.policy is not None:
         raise ValueError(f"--manual: the other drones use {BESIDE_YOU}: leave out --policy")
+    if options.record is not None and options.hide_person:
+        raise ValueError("--hide-person cannot be given together with --record")
+    if options.text and "palette" in options.given:
+        raise ValueError("--palette cannot be given together with --text, which has no colours")
     options.policy = options.policy or (BESIDE_YOU if options.manual else USUAL_POLICY)
     if options.seed is None:
         options.seed = USUAL_SEED if options.search is None else 0
