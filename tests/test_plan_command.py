@@ -172,10 +172,13 @@ def test_a_repeated_option_of_other_commands(capsys):
 
 
 WINDS = {
-    "UTF-16": ("time,direction,speed\n05:30Z,300,9kn\n".encode("utf-16"), "in UTF-8 with the colu"),
+    "UTF-16": (
+        "time,direction,speed\n05:30Z,300,9kn\n".encode("utf-16"),
+        "must be a CSV file in UTF-8",
+    ),
     "Latin-1": (
         "time,direction,speed\n05:30Z,300°,9kn\n".encode("latin-1"),
-        "in UTF-8 with the co",
+        "must be a CSV file in UTF-8",
     ),
     "semicolons": (b"time;direction;speed\n05:30Z;300;9kn\n", "no column 'direction'"),
     "no rows": (b"time,direction,speed\n", "no rows"),

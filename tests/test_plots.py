@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers import made_evaluation
 
+from DroneSwarmSearch import Scenario
 from DroneSwarmSearch.evaluation import SUITE, evaluate
 
 pytest.importorskip("matplotlib")
@@ -107,3 +108,9 @@ def test_labels_name_the_measure_of_the_mission():
     assert plots.success_over_time(both).axes[0].get_ylabel() == "found, or POS"
     label = plots.success_by_search(both).axes[0].get_xlabel()
     assert label == "every person found, or probability of success"
+
+
+def test_dollar_signs_in_names_are_no_formulas(tmp_path):
+    hostile = evaluate("random", Scenario(5), episodes=2, name="$x_$ and $\\frac{", progress=False)
+    for draw in (plots.success_by_search, plots.success_over_time):
+        assert len(plots.save(draw, [hostile], tmp_path / draw.__name__)) == 4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import json
 import os
 import secrets
@@ -56,6 +57,24 @@ def parsed_json(content: bytes, object_hook: Callable[[dict[str, Any]], Any] | N
         raise ValueError(f"JSON must be in UTF-8, but byte {error.start} is not") from None
     except RecursionError:
         raise ValueError("JSON must not be nested so deeply") from None
+
+
+def csv_rows(path: Path, lacking: str | None = "") -> Iterator[tuple[int, dict[str, Any]]]:
+    """The rows of a CSV file by the names of its columns, with the numbers of their lines.
+
+    Cells that a row lacks are `lacking`.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is no CSV file in UTF-8.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = csv.DictReader(file, restval=lacking, skipinitialspace=True)
+            for row in rows:
+                yield rows.line_num, row
+    except (UnicodeError, csv.Error) as error:
+        raise ValueError(f"{path} must be a CSV file in UTF-8: {error}") from None
 
 
 def csv_cell(value: object) -> object:

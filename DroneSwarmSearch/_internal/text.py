@@ -10,6 +10,11 @@ def plural(count: int, noun: str, ending: str = "s") -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}{ending}"
 
 
+def without_formulas(text: str) -> str:
+    """A text in which Matplotlib reads no formula."""
+    return text.replace("$", r"\$")
+
+
 def printable(text: object) -> str:
     """A text from elsewhere, such as the title of a file, that every format of file can hold.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 import sys
 from collections.abc import Sequence
@@ -10,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
 
+from DroneSwarmSearch._internal.files import csv_rows
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds, save_csv
 from DroneSwarmSearch.evaluation.run import Case, check_names, evaluate_cases
@@ -151,11 +151,10 @@ def leaderboard(
 
 
 def _read_submissions(path: str | Path) -> list[dict[str, str]]:
-    with Path(path).open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = [row for _, row in csv_rows(Path(path), lacking=None)]
     for row in rows:
         known = (*row,) == SUBMISSION and None not in row.values()
-        if not (known and re.fullmatch(r"[\d.]+", row["success"])):
+        if not (known and re.fullmatch(r"\d+(\.\d*)?", row["success"])):
             columns = ", ".join(SUBMISSION)
             raise ValueError(
                 f"submissions must have the columns {columns}, and a number as success, got "

@@ -12,6 +12,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.extras import import_matplotlib
 from DroneSwarmSearch._internal.files import write_bytes
+from DroneSwarmSearch._internal.text import without_formulas
 from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds
 
 import_matplotlib("plots need the package matplotlib", "evaluation")
@@ -83,7 +84,7 @@ def success_over_time(evaluations: Sequence[Evaluation]) -> Figure:
         curves[policy] = np.mean(sampled, axis=0)
     for policy, curve in sorted(curves.items(), key=lambda item: -item[1][-1]):
         colour, _ = looks[policy]
-        axes.plot(SHARES, curve, color=colour, label=f"{policy} {100 * curve[-1]:.1f}%")
+        axes.plot(SHARES, curve, color=colour, label=_label(policy, curve[-1]))
     axes.set(xlim=(0, 1), ylim=(0, 1), ylabel=_measure(evaluations, "found", "POS"))
     axes.set_xlabel("time, share of the limit")
     axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
@@ -116,13 +117,13 @@ def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
     axes.set(xlim=(-0.01, 1.01), ylim=(len(searches) - 0.5, -0.5))
     axes.set_xlabel(_measure(evaluations, "every person found", "probability of success"))
     axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-    axes.set_yticks(range(len(searches)), searches)
+    axes.set_yticks(range(len(searches)), [*map(without_formulas, searches)])
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="y", visible=False)
-    handles = [
-        Line2D([], [], color=colour, marker=marker, linestyle="none", label=policy)
-        for policy, (colour, marker) in looks.items()
-    ]
+    handles = []
+    for policy, (colour, marker) in looks.items():
+        label = without_formulas(policy)
+        handles.append(Line2D([], [], color=colour, marker=marker, linestyle="none", label=label))
     if bounds:
         bar = Line2D([], [], linestyle="none", marker="|", markersize=9, label="bound")
         bar.set(markeredgecolor=ink, markeredgewidth=1.8)
@@ -131,6 +132,11 @@ def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
         handles=handles, loc="outside lower center", ncols=min(3, len(handles)), handletextpad=0.2
     )
     return figure
+
+
+def _label(policy: str, success: float) -> str:
+    """What the legend says of a policy."""
+    return f"{without_formulas(policy)} {100 * success:.1f}%"
 
 
 def _looks(evaluations: Iterable[Evaluation]) -> dict[str, tuple[str, str]]:

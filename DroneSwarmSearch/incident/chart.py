@@ -13,6 +13,7 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.extras import import_matplotlib
 from DroneSwarmSearch._internal.files import write_bytes
+from DroneSwarmSearch._internal.text import without_formulas
 from DroneSwarmSearch.drift.leeway import KNOT
 from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.incident import units
@@ -157,7 +158,7 @@ def draw(plan: PlannedFlights, drones: Sequence[int]) -> Figure:
 
 def _wrapped(text: str, width: int) -> str:
     """A text in lines of at most so many characters, in which Matplotlib reads no formula."""
-    return fill(text, width).replace("$", r"\$")
+    return without_formulas(fill(text, width))
 
 
 def _table(figure: Figure, plan: PlannedFlights, drones: Sequence[int]) -> None:

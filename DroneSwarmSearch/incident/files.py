@@ -17,7 +17,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch._internal.files import csv_cell, write_bytes, write_text
+from DroneSwarmSearch._internal.files import csv_cell, csv_rows, write_bytes, write_text
 from DroneSwarmSearch.incident.flights import Flight, Waypoint, track
 from DroneSwarmSearch.incident.planned_flights import PlannedFlights
 from DroneSwarmSearch.incident.times import in_utc
@@ -55,19 +55,14 @@ def read_csv(path: Path) -> list[tuple[list[str], list[Waypoint]]]:
             there is no waypoint.
     """
     flights: dict[int, tuple[list[str], list[Waypoint]]] = {}
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            rows = csv.DictReader(file, restval="")
-            for row in rows:
-                line = f"{path}, line {rows.line_num}"
-                drone, waypoint = _read_row(line, row)
-                lines, flight = flights.setdefault(drone, ([], []))
-                if flight and waypoint.time <= flight[-1].time:
-                    raise ValueError(f"{line}: time_utc must increase, got {row['time_utc']!r}")
-                lines.append(line)
-                flight.append(waypoint)
-    except (UnicodeError, csv.Error) as error:
-        raise ValueError(f"{path} must be a CSV file in UTF-8: {error}") from None
+    for number, row in csv_rows(path):
+        line = f"{path}, line {number}"
+        drone, waypoint = _read_row(line, row)
+        lines, flight = flights.setdefault(drone, ([], []))
+        if flight and waypoint.time <= flight[-1].time:
+            raise ValueError(f"{line}: time_utc must increase, got {row['time_utc']!r}")
+        lines.append(line)
+        flight.append(waypoint)
     if not flights:
         raise ValueError(f"{path} must hold waypoints, one per line, got none")
     return [flights[drone] for drone in sorted(flights)]

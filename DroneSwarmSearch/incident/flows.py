@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import os
 import re
@@ -15,6 +14,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Pair
+from DroneSwarmSearch._internal.files import csv_rows
 from DroneSwarmSearch.drift.leeway import current_towards, wind_from
 from DroneSwarmSearch.incident import units
 from DroneSwarmSearch.incident.times import DAY, is_clock, near
@@ -200,15 +200,12 @@ def _vector(kind: str, name: str, value: Any) -> Pair:
 
 def _rows(name: str, path: Path) -> list[str]:
     """The rows of a CSV file with the columns time, direction and speed, as texts."""
-    what = f"{name} must be a CSV file in UTF-8 with the columns time, direction and speed"
-    texts = []
+    what = f"{name} must be a CSV file with the columns time, direction and speed"
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            for row in csv.DictReader(file, skipinitialspace=True, restval=""):
-                texts.append(f"{row['direction']} {row['speed']}@{row['time']}")
+        texts = [f"{row['direction']} {row['speed']}@{row['time']}" for _, row in csv_rows(path)]
     except KeyError as error:
         raise ValueError(f"{what}, got {path}: no column {error}") from None
-    except (OSError, UnicodeError, csv.Error) as error:
+    except (OSError, ValueError) as error:
         raise ValueError(f"{what}, got {path}: {error}") from None
     if not texts:
         raise ValueError(f"{what}, got {path}: no rows")

@@ -13,6 +13,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.extras import import_matplotlib
+from DroneSwarmSearch._internal.text import without_formulas
 from DroneSwarmSearch.evaluation.results import Evaluation
 
 
@@ -73,10 +74,11 @@ def plot_curve(
     for baseline in baselines:
         levels.setdefault(baseline.policy, []).append(baseline.success.value)
     for number, (name, found) in enumerate(levels.items()):
-        colour, label = f"C{len(columns) + number}", f"{name} {fmean(found):.1%}"
+        colour = f"C{len(columns) + number}"
+        label = f"{without_formulas(name)} {fmean(found):.1%}"
         dashes = (3 * number, (3, 3 * len(levels) - 3))  # those of equal baselines take turns
         axes.axhline(fmean(found), color=colour, linestyle=dashes, label=label)
-    axes.set(xlabel=_tidy(steps), ylabel="success", title=title)
+    axes.set(xlabel=_tidy(steps), ylabel="success", title=without_formulas(title))
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
@@ -88,7 +90,7 @@ def plot_curve(
 
 def _tidy(column: str) -> str:
     """The name of a column as a label: "time/total_timesteps" is "total timesteps"."""
-    return column.rpartition("/")[2].replace("_", " ")
+    return without_formulas(column.rpartition("/")[2].replace("_", " "))
 
 
 def read_columns(path: str | Path) -> dict[str, Floats]:
