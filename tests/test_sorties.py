@@ -96,6 +96,10 @@ def test_every_sortie_keeps_its_own_figures(flown, tmp_path):
     third.save(tmp_path / "incident.json")
     assert Incident.read(tmp_path / "incident.json") == third
     assert third.swath == 100.0
+    odd = [point._replace(time=point.time + timedelta(seconds=7.25)) for point in line()]
+    windy = Incident(**KNOWN).after(write(tmp_path / "odd.csv", odd), wind="120 30kn")
+    windy.save(tmp_path / "incident.json")
+    assert Incident.read(tmp_path / "incident.json") == windy
 
 
 def test_a_new_wind_holds_from_the_last_landing_on(flown):
@@ -104,6 +108,8 @@ def test_a_new_wind_holds_from_the_last_landing_on(flown):
     assert before[:, 0] == pytest.approx(Incident(**KNOWN).wind)
     assert now[:, 0] == pytest.approx(-3 * np.array(before[:, 0]))
     assert "300° 10 kn (5.1 m/s) at 06:40, 120° 30 kn (15 m/s) at 06:40" in after.sentence
+    after.save(flown.with_suffix(".json"))
+    assert Incident.read(flown.with_suffix(".json")) == after
     with pytest.raises(ValueError, match="wind must be given for times from the last landing on"):
         Incident(**KNOWN).after(flown, wind="300 30kn@06:20Z")
 

@@ -104,7 +104,7 @@ def run(options: argparse.Namespace) -> None:
 
 def _as_typed(message: str, options: argparse.Namespace) -> str:
     """A message about a value of an incident that names its option instead."""
-    match = re.match(r"\w+", message)
+    match = re.match(r"\w+(?=[ \[:,])", message)
     name = match.group() if match else ""
     option = NAMES.get(name, f"--{name.replace('_', '-')}")
     if getattr(options, f"{name}_file", None):

@@ -476,8 +476,10 @@ class Report:
                 continue
             texts = []
             for seconds, degrees, speed in self.courses(name):
-                when = f"@{self.time + timedelta(seconds=seconds):%Y-%m-%dT%H:%MZ}"
-                texts.append(f"{degrees:g}° {speed / leeway.KNOT:.6g} kn{when}")
+                when = self.time + timedelta(seconds=seconds)
+                exact = "auto" if when.second or when.microsecond else "minutes"
+                stamp = when.isoformat(timespec=exact).replace("+00:00", "Z")
+                texts.append(f"{degrees:g}° {speed / leeway.KNOT:.6g} kn@{stamp}")
             values[name] = texts if isinstance(values[name], Mapping) else texts[0].split("@")[0]
         for name in ("tracks", "wind", "current"):
             if isinstance(file := getattr(self, name), str):
