@@ -91,6 +91,7 @@ REFUSED = {
     "24:00Z": (f"{HERE} --wind 300 30kn@24:00Z", "--wind must be a time from 00:00Z to 23:59Z"),
     "start 06:75Z": (f"{HERE} --start 06:75Z", "--start must be a time from 00:00Z to 23:59Z"),
     "a start before": (f"{HERE} --start 05:00Z", "--start must not be before time"),
+    "a gale": (f"{OPTIONS} {PLACE} --wind 300 60kn", "--speed must exceed the headwind"),
     "a start next week": (f"{HERE} --start 2026-03-08T05:30Z", "--start must be at most 72 hours"),
     "a start next year": (f"{HERE} --start 2027-03-01T05:30Z", "--start must be at most 72 hours"),
     "year 9999": (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import re
 import textwrap
 from dataclasses import fields
@@ -87,11 +88,15 @@ class _Words(Once):
 def run(options: argparse.Namespace) -> None:
     """Plan, print one screen, and write the folder."""
     import_matplotlib("the map needs the package matplotlib", "plan")  # not after planning
+    is_new = not options.out.exists()
     try:
         incident = _incident(options)
         try_plan_folder(options.out)
         plan = incident.plan()
     except (TypeError, ValueError) as error:
+        if is_new:
+            with contextlib.suppress(OSError):
+                options.out.rmdir()  # it is empty
         raise type(error)(_as_typed(str(error), options)) from None
     try:
         print(summary(plan), flush=True)
