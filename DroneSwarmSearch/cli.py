@@ -151,7 +151,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 @contextlib.contextmanager
 def _open_streams() -> Iterator[None]:
     """Let a closed standard output or standard error go where the other one goes."""
-    stdout, stderr = sys.stdout, sys.stderr
+    stdout = sys.stdout
+    stderr = sys.stderr
     if stdout is not None and stderr is not None:
         yield
         return
@@ -161,7 +162,8 @@ def _open_streams() -> Iterator[None]:
         try:
             yield
         finally:
-            sys.stdout, sys.stderr = stdout, stderr
+            sys.stdout = stdout
+            sys.stderr = stderr
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -516,7 +516,7 @@ PLACES = {
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs Linux")
 @pytest.mark.parametrize("place", PLACES.values(), ids=PLACES)
 def test_the_folder_is_tried_first(capsys, tmp_path, monkeypatch, place):
-    monkeypatch.setattr(Incident, "plan", lambda self: pytest.fail("planned in vain"))
+    monkeypatch.setattr(Incident, "plan", lambda self: pytest.fail("it planned"))
     out = place(tmp_path)
     assert cli.main(["plan", *HERE.split(), "--out", str(out)]) == 1
     assert str(out) in capsys.readouterr().err
@@ -526,7 +526,7 @@ def test_a_full_disk_is_noticed_first(capsys, tmp_path, monkeypatch):
     def full(descriptor: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(Incident, "plan", lambda self: pytest.fail("planned in vain"))
+    monkeypatch.setattr(Incident, "plan", lambda self: pytest.fail("it planned"))
     monkeypatch.setattr(os, "fsync", full)
     assert cli.main(["plan", *HERE.split(), "--out", str(tmp_path)]) == 1
     assert capsys.readouterr().err == f"{tmp_path}: No space left on device\n"

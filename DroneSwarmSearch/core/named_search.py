@@ -120,7 +120,8 @@ class NamedSearch:
     def from_dict(cls, data: Mapping[str, Any]) -> NamedSearch:
         """Make a search from plain data: of the suite, or the content of a file of `save`."""
         rest = dict(data)
-        name, reason = rest.pop("name"), rest.pop("reason")
+        name = rest.pop("name")
+        reason = rest.pop("reason")
         scale = rest.pop("scale", None)
         if scale is not None:
             sizes = [field.name for field in fields(Scale)]

@@ -23,7 +23,8 @@ from DroneSwarmSearch.drift.scale import Scale
 FARTHEST = 200
 """Cells from the given cell; if no track comes nearer, the position is probably a mistake."""
 
-USUAL_PARTS, MOST_PARTS = 2, 4  # of a cell along each side, on which a person's next move depends
+USUAL_PARTS = 2  # of a cell along each side, on which a person's next move depends
+MOST_PARTS = 4
 
 MOST_UNSEEN = 0.1
 """The share of held-out tracks where no other track is, above which there is a warning."""

@@ -155,7 +155,8 @@ class PlannedFlights:
             f"After {plural(len(incident.flown), 'flight')} that found nobody, and would have "
             f"found {self.particles.found:.0%} of the persons."
         ]
-        before, during = [], []
+        before: list[str] = []
+        during: list[str] = []
         for number, flight in enumerate(incident.flown, 1):
             if flight.landing <= incident.time:
                 before.append(str(number))

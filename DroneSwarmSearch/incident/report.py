@@ -206,12 +206,12 @@ class Report:
 
     def _flown(self, values: dict[str, Any]) -> tuple[FlownFlight, ...]:
         """The earlier flights; waypoints alone were flown by drones such as these."""
-        given = checks.items("flown", self.flown, "a list of flights")
+        swath = values["swath"]
+        detection = values["probability_of_detection"]
         flights = []
-        for number, flight in enumerate(given):
-            swath, detection = values["swath"], values["probability_of_detection"]
+        for number, given in enumerate(checks.items("flown", self.flown, "a list of flights")):
             name = f"flown[{number}]"
-            flight = read_flown(name, flight, swath, detection)
+            flight = read_flown(name, given, swath, detection)
             if flight.landing > values["start"]:
                 raise ValueError(
                     f"start must not be before the landing of {name}, "
@@ -279,7 +279,8 @@ class Report:
             return later
         later = read_flow(name, later, time)
         if isinstance(earlier, str) or isinstance(later, str):
-            if earlier == later:
+            both = isinstance(earlier, str) and isinstance(later, str)
+            if both and os.path.samefile(earlier, later):
                 return earlier
             raise ValueError(
                 f"{name} cannot change after flights if it is that of a file, because a wind and "

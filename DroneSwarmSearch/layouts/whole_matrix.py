@@ -83,6 +83,7 @@ class PlanesLayout(Layout):
             out[searches, 0, 1 + self._drones, y, x] = 1.0
         else:
             out[searches, self._drones, 1, y, x] = 1.0
-            x, y = x.take(self._others, axis=1), y.take(self._others, axis=1)
-            out[searches[..., None], self._drones[:, None], 2, y, x] = 1.0
+            others_x = x.take(self._others, axis=1)
+            others_y = y.take(self._others, axis=1)
+            out[searches[..., None], self._drones[:, None], 2, others_y, others_x] = 1.0
         out[:, :, -1] = left[:, None, None, None]

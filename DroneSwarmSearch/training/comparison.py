@@ -53,7 +53,8 @@ def compare_with_baselines(
     judge: Callable[..., Evaluation]
     if isinstance(parameters, Task):
         searches = parameters.held_out()
-        search, judge = searches[0], parameters.evaluate
+        search = searches[0]
+        judge = parameters.evaluate
         baselines = ("random", "greedy-matrix")
         protocol = f"Means over the {plural(len(searches), 'held-out search', 'es')}"
     else:
