@@ -224,6 +224,25 @@ def test_missing_files_and_folders_are_refused(capsys, tmp_path, monkeypatch):
         assert output.err.count("\n") == 1
 
 
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs Linux")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["evaluate", "POLICY", "pond", "--out", "/proc/x"],
+        ["leaderboard", "--policies", "random", "--searches", "pond", "--out", "/proc/x"],
+        ["bound", "pond", "--out", "/proc/x"],
+        ["record", "pond", "--policy", "POLICY", "--out", "/proc/x/a.gif"],
+        ["export", "pond", "--policies", "POLICY", "--out", "/proc/x/a.json"],
+        ["play", "pond", "--policy", "POLICY", "--record", "/proc/x/a.gif"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_the_folder_is_tried_before_the_work(capsys, own, arguments):
+    policy = f"{own}:dies"  # so that the test would fail if it flew
+    output = answer(capsys, *[text.replace("POLICY", policy) for text in arguments], code=1)
+    assert output.err == "/proc/x: No such file or directory\n" or "/proc/x/" in output.err
+
+
 def test_a_warning_is_a_line(capsys, own):
     output = answer(capsys, "evaluate", f"{own}:warns", "pond", "--episodes", 2)
     assert output.err == "warning: an old chart\n"

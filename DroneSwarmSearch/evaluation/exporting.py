@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import DroneSwarmSearch
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.files import replacing
+from DroneSwarmSearch._internal.files import replacing, try_folder
 from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.named_search import NamedSearch
@@ -76,6 +76,7 @@ def export(
     where, specs = as_named(search), [PolicySpec.of(policy) for policy in policies]
     views = [view_of(spec, where, view) for spec in specs]
     chosen = [checks.integer("seeds", seed, 0) for seed in seeds]
+    try_folder(Path(path).parent)
 
     maps, episodes = Maps(), []
     title, total = f"episodes of {where.name}", len(specs) * len(chosen)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.files import try_folder
 from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.named_search import NamedSearch
@@ -84,6 +85,7 @@ def record(
     spec, where = PolicySpec.of(policy, name), as_named(search)
     first, seen = checks.integer("seed", seed, 0), view_of(spec, where, view)
     where = where.with_posterior(seen.bayesian_update)
+    try_folder(target.parent)
     made, last = prepared(spec, where), None
 
     def frames() -> Iterator[Frame]:
