@@ -59,8 +59,10 @@ RUNNERS = ("--num-env-runners", 2, "--num-envs", 2)
 def test_it_trains_and_compares(script, policy, arguments, tmp_path):
     folder = tmp_path / "run"
     output = python(EXAMPLES / script, "--out", folder, "--episodes", 20, *arguments)
-    count = 500 if "medium" in arguments else 20
-    assert f"\n{count} episodes, the same for all policies" in output
+    protocol = "20 episodes, the same for all policies"
+    if "medium" in arguments:
+        protocol = "Means over the 500 held-out searches"
+    assert f"\n{protocol}; 95% intervals" in output
     assert rows(folder / "evaluation.csv")[0]["policy"] == policy
     assert float(rows(folder / "evaluation.csv")[0]["success"]) > 0
     assert (folder / "curve.png").read_bytes().startswith(b"\x89PNG")
