@@ -116,12 +116,11 @@ class CropsLayout(Layout):
         corners = sums.reshape(-1).take(down[:, :, None] + across[:, None], mode="clip")
         strips = corners[:, 1:] - corners[:, :-1]
         means = strips[:, :, 1:] - strips[:, :, :-1]
-        means = means.reshape(scales, boxes, searches, drones)
-        means /= (highest * self._areas)[..., None]
-        np.maximum(means, 0.0, out=means)  # rounding
-        np.minimum(means, 1.0, out=means)
+        means = means.reshape(scales, boxes, -1)
+        means /= highest.repeat(drones) * self._areas
+        means.clip(0.0, 1.0, out=means)  # rounding
         np.sqrt(means, out=means)
-        out[...] = means.transpose(2, 3, 0, 1)
+        out[...] = means.reshape(scales, boxes, searches, drones).transpose(2, 3, 0, 1)
 
     def _write_others(self, positions: Positions, out: Singles) -> None:
         """Write the windows of the other drones: shape (searches, drones, scales, boxes)."""
