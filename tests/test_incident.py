@@ -452,7 +452,7 @@ def test_a_missing_package_names_the_extra(monkeypatch):
         ({"probability_of_detection": 1.2}, "probability_of_detection must be a finite number"),
         ({"endurance": "45"}, "endurance: a number and a unit (h, hr, hrs, hour, hours, min"),
         ({"speed": "0 kn"}, "speed must be a finite number above 0, got 0.0"),
-        ({"wind_error": -1}, "wind_error must be a finite number of at least 0.0 and at most 60"),
+        ({"wind_error": -1}, "wind_error must be a finite number of at least 0 and at most 60"),
         ({"reserve": 2700}, "reserve must be less than the endurance, 2700 s, got 2700 s"),
     ],
 )

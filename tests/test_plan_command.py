@@ -117,10 +117,10 @@ REFUSED = {
     ),
     "an endurance of days": (f"{HERE[:-19]} --endurance 100h", "--endurance"),
     "a thin strip": (f"{HERE} --swath 0.000001m", "--swath must be a finite number of at least 1"),
-    "a wide strip": (f"{HERE} --swath 11km", "--swath must be a finite number of at least 1.0 and"),
+    "a wide strip": (f"{HERE} --swath 11km", "--swath must be a finite number of at least 1 and"),
     "a fast drone": (
         f"{HERE} --speed 1000000m/s",
-        "--speed must be a finite number of at least 0.0",
+        "--speed must be a finite number of at least 0",
     ),
     "a long turn": (f"{HERE} --turn 1h", "--turn must be a finite number"),
     "a large error": (f"{HERE} --error 200km", "--error must be a finite number"),

@@ -69,15 +69,15 @@ QUANTITIES = {
 """The units of quantities."""
 
 LIMITS = {
-    "position_sd": (0.0, FARTHEST),
-    "swath": (1.0, 10_000.0),
-    "altitude": (0.0, 10_000.0),
-    "wind_error": (0.0, FASTEST["wind"]),
-    "current_error": (0.0, FASTEST["current"]),
-    "speed": (0.0, 200.0),
-    "endurance": (0.0, 12 * 3600.0),
-    "reserve": (0.0, 12 * 3600.0),
-    "turn": (0.0, 600.0),
+    "position_sd": (0, 100_000),
+    "swath": (1, 10_000),
+    "altitude": (0, 10_000),
+    "wind_error": (0, 60),
+    "current_error": (0, 5),
+    "speed": (0, 200),
+    "endurance": (0, 12 * 3600),
+    "reserve": (0, 12 * 3600),
+    "turn": (0, 600),
 }
 """The least and the most of quantities, in metres, seconds and m/s."""
 
