@@ -84,6 +84,17 @@ def test_stated_policies_are_exact():
     assert stated.success.is_exact
 
 
+@pytest.mark.parametrize("name", ["small", "medium"])
+def test_a_policy_that_draws_is_not_deterministic(name):
+    rng = np.random.default_rng(0)
+
+    def draw(shown):
+        return rng.integers(4, 6, shown["positions"].shape[:2])
+
+    with pytest.raises(ValueError, match="deterministic must be False for a policy that acts"):
+        TASKS[name].evaluate(draw, deterministic=True)
+
+
 def test_a_policy_is_compared_with_the_baselines_of_a_task(tmp_path, capsys):
     pytest.importorskip("imageio_ffmpeg")
     size = {"grid_size": 6, "n_drones": 2, "timestep_limit": 9}

@@ -100,9 +100,18 @@ class Episodes:
 
     def with_common_curve(self) -> Episodes:
         """Episodes with one curve, of a deterministic policy; raises ValueError if they differ."""
-        if np.ptp(self.curves, axis=0).max() > ROUNDING:
-            raise ValueError(
-                "deterministic must be False for a policy that acts differently after the same "
-                "observations"
-            )
+        _check_deterministic(np.ptp(self.curves, axis=0))
         return replace(self, curves=self.curves[:1])
+
+    def check_alike(self, other: Episodes) -> None:
+        """Raise a ValueError unless a policy had the same curves in other episodes."""
+        _check_deterministic(np.abs(self.curves - other.curves))
+
+
+def _check_deterministic(differences: Floats) -> None:
+    """Raise a ValueError if curves differ by more than rounding."""
+    if differences.max() > ROUNDING:
+        raise ValueError(
+            "deterministic must be False for a policy that acts differently after the same "
+            "observations"
+        )

@@ -107,9 +107,13 @@ class Task:
             is_exact=case.is_exact,
             strata=len(searches),
         )
+        if case.is_exact and len(searches) == 1:
+            return result(episodes=flown[0].with_common_curve())
         if case.is_exact:
-            (only,) = flown
-            return result(episodes=only if len(searches) > 1 else only.with_common_curve())
+            if deterministic:  # nobody else vouches for it
+                again = _round(made, combined, 1, case.view)
+                flown[0].check_alike(again)
+            return result(episodes=flown[0])
         with shown_progress(f"{case.spec.name}, rounds", MOST_ROUNDS, progress) as bar:
             while len(flown) < MOST_ROUNDS:
                 flown.append(_round(made, combined, len(flown), case.view))
