@@ -342,7 +342,7 @@ TRACKS = {
     "NetCDF's": (setting(np.s_[3, 20:], 9.96921e36), "degrees, got .* in element 3 at 2026-03-01"),
     "(0, 0)": (setting(np.s_[3, 20], 0.0), "tracks near each other, got .0, 0. in element 3"),
     "a start at (0, 0)": (setting(np.s_[3, 0], 0.0), "tracks near each other, got .0, 0."),
-    "a jump": (setting(np.s_[3, 20], [7.8, 54.6]), "tracks of at most 30 m/s along each axis, got"),
+    "a jump": (setting(np.s_[3, 20], [7.8, 54.6]), "tracks of at most 15 m/s along each axis, got"),
     "nothing": (setting(np.s_[:], np.nan), "must hold tracks, got no known position"),
 }
 

@@ -16,7 +16,7 @@ from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.drift.scale import Scale
 
 USUAL = {"lon": "longitude", "lat": "latitude"}  # names of variables without a standard name
-FASTEST = 30.0  # m/s, along each axis; nothing drifts so fast
+FASTEST = 15.0  # m/s, along each axis; nothing drifts so fast
 FAR = 1.0  # degrees from (0, 0), at which other tracks make one there a mistake
 
 MOST_VALUES = 2**27  # of a variable, 1 GiB as float64; small files may unpack to much more
