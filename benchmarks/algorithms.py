@@ -32,7 +32,8 @@ from DroneSwarmSearch.training import TASKS
 ROOT = Path(__file__).parents[1]
 RESULTS, CURVES = (ROOT / f"docs/benchmark/{name}.csv" for name in ("results", "curves"))
 PAGE = ROOT / "docs/benchmark/index.md"
-BEGIN, END = "<!-- table: python benchmarks/algorithms.py report -->\n", "<!-- /table -->\n"
+BEGIN = "<!-- table: python benchmarks/algorithms.py report -->\n"
+END = "<!-- /table -->\n"
 ALGORITHMS = ("ippo", "mappo", "iql", "vdn", "qmix")
 BASELINES = ("random", "greedy-matrix", "greedy-posterior", "imitation", "planner")
 STEPS, PLANNING = 400_000, 1.0  # of a training; seconds of work for a plan

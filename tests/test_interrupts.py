@@ -196,11 +196,13 @@ def test_an_interrupted_step_of_a_batch(parameters):
 
 @pytest.mark.parametrize("parameters", BATCHES.values(), ids=BATCHES)
 def test_an_interrupted_reset_of_a_batch(parameters):
-    batch, new = made_batch(parameters), made_batch(parameters)
+    batch = made_batch(parameters)
+    new = made_batch(parameters)
     given: dict[str, Any] = {"drones_positions": [(1, 1), (2, 3)]}
     others: dict[str, Any] = {"drones_positions": [(3, 1), (2, 2)]}
     if "situations" in parameters:
-        given, others = {"situation": 1}, {"situation": 0}
+        given = {"situation": 1}
+        others = {"situation": 0}
     new.reset(range(20, 20 + ROWS), **given)
     expected = seen(new)
     for rows in (None, np.arange(3)):

@@ -115,7 +115,10 @@ REFUSED = {
         f"{HERE} --wind 300 9kn@18:00Z",
         "--wind must have dates where it lasts longer than half a day: 18:00Z would be 2026-02-28",
     ),
-    "an endurance of days": (f"{HERE[:-19]} --endurance 100h", "--endurance"),
+    "an endurance of days": (
+        f"--time 2026-03-01T05:30Z --object PIW-1 --endurance 100h {PLACE} --wind 300 10kn",
+        "--endurance must be a finite number of at least 0 and at most 43200",
+    ),
     "a thin strip": (f"{HERE} --swath 0.000001m", "--swath must be a finite number of at least 1"),
     "a wide strip": (f"{HERE} --swath 11km", "--swath must be a finite number of at least 1 and"),
     "a fast drone": (
@@ -653,7 +656,8 @@ def test_orders_say_what_is_flown(plan):
     for number, (flight, text) in enumerate(zip(plan.flights, plan.orders, strict=True), 1):
         assert text.startswith(f"Drone {number}: ")
         order = plan.order(number - 1)
-        scene, after = flight[1], flight[2]
+        scene = flight[1]
+        after = flight[2]
         metres = plan.incident.plane.metres
         way = metres(after.latitude, after.longitude) - metres(scene.latitude, scene.longitude)
         course = np.degrees(np.arctan2(*way)) % 360

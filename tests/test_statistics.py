@@ -69,7 +69,8 @@ def test_stratified_means_cover_the_mean_over_given_strata():
     """Strata differ much more than their values; 95% of the intervals hold the mean."""
     rng = np.random.default_rng(0)
     middles = rng.uniform(0.1, 0.9, 50)
-    held, widths = [], []
+    held = []
+    widths = []
     for _ in range(400):
         value, low, high = stratified_mean(rng.normal(middles, 0.05, (4, 50)).ravel(), 50)
         held.append(low <= middles.mean() <= high)

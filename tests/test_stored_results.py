@@ -98,7 +98,8 @@ OTHER_RUNS = {
 @pytest.mark.parametrize("changes", OTHER_RUNS.values(), ids=OTHER_RUNS)
 def test_another_run_in_the_same_folder(played, tmp_path, changes):
     """It never shows the first one's figures, nor does the first one show its figures."""
-    file, changes = tmp_path / "mine.py", {**changes}
+    file = tmp_path / "mine.py"
+    changes = {**changes}
     text = changes.pop("text", OWN.format(4))
     usual = {"search": small(**TWO), "episodes": 4, "name": "mine"}
     file.write_text(OWN.format(4), "utf-8")

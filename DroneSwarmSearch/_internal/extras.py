@@ -14,8 +14,7 @@ def needed(module: str, reason: str, extra: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        hint = f'{reason}: pip install "DroneSwarmSearchEnvironment[{extra}]"'
-        raise ImportError(hint) from error
+        raise ImportError(_hint(reason, extra)) from error
 
 
 @contextlib.contextmanager
@@ -24,8 +23,12 @@ def imports_of(extra: str) -> Iterator[None]:
     try:
         yield
     except ImportError as error:
-        hint = f'{error}: pip install "DroneSwarmSearchEnvironment[{extra}]"'
-        raise type(error)(hint, name=error.name) from error
+        raise type(error)(_hint(error, extra), name=error.name) from error
+
+
+def _hint(reason: object, extra: str) -> str:
+    """A reason, and the command that installs an extra."""
+    return f'{reason}: pip install "DroneSwarmSearchEnvironment[{extra}]"'
 
 
 def import_matplotlib(reason: str, extra: str) -> None:

@@ -111,11 +111,11 @@ def _as_typed(message: str, options: argparse.Namespace) -> str:
     """A message about a value of an incident that names its option instead."""
     match = re.match(r"\w+(?=[ \[:,])", message)
     name = match.group() if match else ""
+    if not hasattr(options, name):
+        return message
     option = NAMES.get(name, f"--{name.replace('_', '-')}")
     if getattr(options, f"{name}_file", None):
         option = f"{option}-file"
-    if not hasattr(options, name):
-        return message
     return option + message[len(name) :]
 
 

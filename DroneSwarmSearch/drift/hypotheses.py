@@ -84,11 +84,16 @@ class Drift:
         for name, given in (("start_sd", start_sd), ("adrift", adrift)):
             if isinstance(start, np.ndarray) and np.any(given):
                 raise ValueError(f"{name} must be 0 if start is an array, got {given!r}")
+        vector_sd = _vector("vector_sd", self.vector_sd, _deviations)
+        if isinstance(vector_sd, tuple):
+            # The sum of equal deviations has their magnitude, whatever their sign.
+            x, y = vector_sd
+            vector_sd = (abs(x), abs(y))
         values = {
             "start": start,
             "start_sd": start_sd,
             "vector": _vector("vector", self.vector, checks.pair),
-            "vector_sd": _vector("vector_sd", self.vector_sd, _deviations),
+            "vector_sd": vector_sd,
             "diffusion": checks.real("diffusion", self.diffusion, 0, MAX_DIFFUSION + ROUNDING),
             "adrift": adrift,
             "weight": checks.positive("weight", self.weight),
@@ -391,9 +396,8 @@ def _vector(name: str, value: Any, of_one: Callable[..., tuple[float, float]]) -
     changes = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
     if changes.size:
         return _read_only(rows[: changes[-1] + 2])
-    # The sum of equal deviations has their magnitude, whatever their sign.
-    constant = np.abs(rows[0]) if of_one is _deviations else rows[0]
-    return of_one(name, constant.tolist())
+    x, y = rows[0].tolist()
+    return x, y
 
 
 def _within(grid_size: int, means: Floats, deviation: float) -> Floats:
