@@ -669,3 +669,10 @@ def test_orders_say_what_is_flown(plan):
         on_scene = scene.time
         rounded = on_scene.replace(second=0, microsecond=0)
         assert (order["on scene"] == f"{on_scene:%H:%M}") == (on_scene == rounded)
+
+
+def test_the_times_on_a_chart_are_those_of_its_orders(plan):
+    _, labels = chart.draw(plan, range(3)).axes[0].get_legend_handles_labels()
+    orders = [plan.order(drone) for drone in range(3)]
+    assert f"50% and 90% areas at {min(order['on scene'] for order in orders)}" in labels
+    assert f"50% and 90% areas at {max(order['landing'] for order in orders)}" in labels

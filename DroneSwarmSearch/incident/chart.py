@@ -93,7 +93,7 @@ def draw(plan: PlannedFlights, drones: Sequence[int]) -> Figure:
         middle = incident.seconds(plan.on_scene)
         arrows = incident.flow("current", checked=False)(middle, grid)
         fastest = f"{np.nanmax(np.hypot(*arrows)) / KNOT:.1f} kn"
-        label = f"current at {plan.on_scene:%H:%M}, up to {fastest}"
+        label = f"current at {up_to_the_minute(plan.on_scene):%H:%M}, up to {fastest}"
         axes.plot([], [], marker=r"$\rightarrow$", label=label, **SIGN | {"color": "0.45"})
         axes.quiver(*grid, *arrows, color="0.45", width=0.0016, pivot="middle", zorder=1)
     arrow = {"arrowstyle": "simple,head_width=.8,tail_width=.3", "facecolor": "white"}
@@ -190,7 +190,10 @@ def _areas(axes: Any, plan: PlannedFlights) -> tuple[list[Floats], list[Floats]]
     """Draw the first map, and the areas at start and end; return means and corners in metres."""
     means: list[Floats] = []
     corners: list[Floats] = []
-    for time, dashes in ((plan.on_scene, "--"), (plan.landed, "-")):
+    for time, shown, dashes in (
+        (plan.on_scene, up_to_the_minute(plan.on_scene), "--"),
+        (plan.landed, plan.landed, "-"),
+    ):
         mass, (west, south), (east, north) = plan.density(time)
         if not means:
             look: Any = {"vmax": 3 * mass.max(), "interpolation": "bilinear", "zorder": 0}
@@ -206,7 +209,7 @@ def _areas(axes: Any, plan: PlannedFlights) -> tuple[list[Floats], list[Floats]]
             at = line[line[:, 1].argmin() if means else line[:, 1].argmax()]
             axes.clabel(lines, fmt=f"{share}%%", fontsize=7.5, manual=[at])
         corners += [line.min(axis=0), line.max(axis=0)]
-        label = f"50% and 90% areas at {time:%H:%M}"
+        label = f"50% and 90% areas at {shown:%H:%M}"
         axes.plot([], [], dashes, color="0.2", linewidth=0.9, label=label)
         means.append(plan.particles.mean(plan.incident.seconds(time)))
     axes.set_aspect("auto")
