@@ -70,13 +70,24 @@ def swarm_masks(
     cells: list[int], neighbours: CellTable[tuple[int, ...]], right_of_way: bool
 ) -> list[NDArray[np.int8]]:
     """`action_masks` for a single swarm: each drone's mask, int8, shape (6,); new arrays."""
-    closed, blocked = {OFF_GRID, *cells}, bytearray()
+    closed = {OFF_GRID, *cells}
+    allowed = bytearray()
     for cell in cells:
-        targets = neighbours[cell]
-        blocked += bytes(map((closed - {cell}).__contains__, targets))
+        # Four names instead of a loop over the moves save a third of the time.
+        left, right, up, down, _, _ = neighbours[cell]
+        allowed += bytes(
+            (
+                left not in closed,
+                right not in closed,
+                up not in closed,
+                down not in closed,
+                True,  # to search
+                True,  # to idle
+            )
+        )
         if right_of_way:
-            closed.update(targets)
-    return list(1 - np.frombuffer(blocked, np.int8).reshape(len(cells), -1))
+            closed.update((left, right, up, down))
+    return list(np.frombuffer(allowed, np.int8).reshape(len(cells), len(Action)))
 
 
 def choose_in_turn(
