@@ -32,9 +32,8 @@ Competitor = tuple[BenchmarkCase, int | None]
 
 GROUPS: dict[str, tuple[Ratio, ...]] = {
     "batch": (
-        (cases.INDEX, cases.SINGLE),
+        (cases.ENGINE, cases.SINGLE),
         (cases.MATRICES, cases.SINGLE),
-        (cases.MATRICES, cases.GATHER),
     ),
     "training": (
         (cases.TRAINING, cases.SINGLE_POSTERIOR),
@@ -46,16 +45,14 @@ GROUPS: dict[str, tuple[Ratio, ...]] = {
         (cases.TWO_HYPOTHESES, cases.ONE_HYPOTHESIS),
         (cases.TRACKS, cases.TWO_HYPOTHESES),
         (cases.CATALOGUE, cases.TWO_HYPOTHESES),
-        (cases.CATALOGUE_INDEX, cases.ONE_SITUATION_INDEX),
+        (cases.CATALOGUE_ENGINE, cases.ONE_SITUATION_ENGINE),
     ),
     "views": (
         (cases.SWARM_ENV, cases.MATRICES),
-        (cases.SWARM_ENV_INDEX, cases.INDEX),
         (cases.DRONE_ENV, cases.MATRICES),
-        (cases.DRONE_ENV_INDEX, cases.INDEX),
     ),
-    "peers": ((cases.TRAINING, DSSE), (cases.INDEX, DSSE), (cases.MATRICES, DSSE)),
-    "coin-game": ((cases.INDEX, COIN_GAME), (cases.INDEX, COIN_GAME_SCAN)),
+    "peers": ((cases.TRAINING, DSSE), (cases.ENGINE, DSSE), (cases.MATRICES, DSSE)),
+    "coin-game": ((cases.ENGINE, COIN_GAME), (cases.ENGINE, COIN_GAME_SCAN)),
     "memory": (),
 }
 """The ratios of each group, measured at every size; coin_game has a separate size."""
@@ -142,13 +139,13 @@ def number(value: float) -> str:
 
 
 def memory(searches: int, steps: tuple[int, int]) -> dict[str, Any] | None:
-    """Measure the peak memory of a batch by index in a separate process."""
+    """Measure the peak memory of a batch without matrices in a separate process."""
     if not Path("/proc/self/status").exists():
         print("\nskipped: memory, which is read from /proc")
         return None
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         before, first, last = pool.apply(memory_peaks, (searches, steps))
-    print(f"\nMemory of {searches:,} searches by index at {MEMORY_SIZE}, in MiB:")
+    print(f"\nMemory of {searches:,} searches without matrices at {MEMORY_SIZE}, in MiB:")
     print(f"{before:,.0f} before the batch is made, {first:,.0f} at the peak of {steps[0]} steps,")
     print(f"{last - first:,.1f} more at the peak of {steps[1]} steps")
     peaks = {"peak_mib_before": before, "peak_mib": first, "growth_mib": last - first}
@@ -158,7 +155,7 @@ def memory(searches: int, steps: tuple[int, int]) -> dict[str, Any] | None:
 def memory_peaks(searches: int, steps: tuple[int, int]) -> list[float]:
     """The peak before the batch is made, and after each number of steps."""
     peaks = [peak_mib()]
-    run = cases.INDEX.make(MEMORY_SIZE, searches)
+    run = cases.ENGINE.make(MEMORY_SIZE, searches)
     for more in (steps[0], steps[1] - steps[0]):
         run(more)
         peaks.append(peak_mib())

@@ -65,7 +65,6 @@ def ours(setting: Setting, episodes: int, steps: int) -> Seen:
 
     envs = SwarmVectorEnv(
         episodes,
-        write_matrices=False,
         grid_size=SIZE,
         vector=setting.drift,
         person_initial_position=START,

@@ -134,16 +134,6 @@ def steps_of_batch(
     return run
 
 
-def batch_by_index(size: Size, num_envs: int) -> Run:
-    batch = make_batch(size, num_envs, wants_table=True)
-
-    def step(actions: NDArray[np.int64]) -> object:
-        batch.step(actions)
-        return batch.positions, batch.table_index
-
-    return steps_of_batch(batch, step, random_actions(num_envs, size.n_drones))
-
-
 def batch_with_matrices(
     size: Size, num_envs: int, writes_matrices: bool = True, **changes: Any
 ) -> Run:
@@ -199,22 +189,6 @@ def of_tracks(size: Size, num_envs: int) -> Run:
     return batch_with_matrices(size, num_envs, bayesian_update=True, situations=[[Person(tracks)]])
 
 
-def gather(size: Size, num_envs: int) -> Run:
-    """Only copy each row's matrix from the table: the upper limit for NumPy."""
-    buffer = matrix_buffer(size, num_envs)
-    batch = make_batch(size, num_envs, wants_table=True)
-    for actions in random_actions(num_envs, size.n_drones)[:TIMESTEP_LIMIT]:
-        batch.step(actions)
-    table, index = batch.table, batch.table_index
-
-    def run(steps: int) -> int:
-        for _ in range(steps):
-            table.take(index, 0, out=buffer, mode="clip")
-        return steps * num_envs
-
-    return run
-
-
 def matrix_buffer(size: Size, num_matrices: int) -> NDArray[np.float32]:
     wanted = 4 * num_matrices * size.grid_size**2
     if wanted > MAX_BYTES:
@@ -226,18 +200,15 @@ def matrix_buffer(size: Size, num_matrices: int) -> NDArray[np.float32]:
 
 
 def vector_env(
-    kind: type[DroneVectorEnv] | type[SwarmVectorEnv], write_matrices: bool
+    kind: type[DroneVectorEnv] | type[SwarmVectorEnv],
 ) -> Callable[[Size, int], Run]:
     """Gymnasium's vector environments, which return new arrays from every step."""
     by_drone = kind is DroneVectorEnv
 
     def make(size: Size, num_envs: int) -> Run:
-        if write_matrices:
-            matrix_buffer(size, num_envs * (size.n_drones if by_drone else 1))
+        matrix_buffer(size, num_envs * (size.n_drones if by_drone else 1))
         cells = spread_cells(*size)
-        env = kind(
-            num_envs, write_matrices=write_matrices, **parameters(size), drones_positions=cells
-        )
+        env = kind(num_envs, **parameters(size), drones_positions=cells)
         env.reset(seed=0)
         actions = random_actions(num_envs, size.n_drones)
         if by_drone:
@@ -293,9 +264,11 @@ SINGLE = BenchmarkCase("one environment", lambda size, _: single(size), batched=
 SINGLE_POSTERIOR = BenchmarkCase(
     "one environment, posterior", lambda size, _: single(size, bayesian_update=True), batched=False
 )
-INDEX = BenchmarkCase("batch, index", batch_by_index)
+ENGINE = BenchmarkCase(
+    "batch, without matrices",
+    lambda size, n: batch_with_matrices(size, n, writes_matrices=False),
+)
 MATRICES = BenchmarkCase("batch, matrices", batch_with_matrices)
-GATHER = BenchmarkCase("gather alone", gather)
 POSTERIOR = BenchmarkCase(
     "batch, posterior", lambda size, n: batch_with_matrices(size, n, bayesian_update=True)
 )
@@ -306,9 +279,7 @@ ONE_HYPOTHESIS = BenchmarkCase("batch, one hypothesis, posterior", situations(1,
 TWO_HYPOTHESES = BenchmarkCase("batch, two hypotheses, posterior", situations(2, 1, True))
 TRACKS = BenchmarkCase("batch, tracks, posterior", of_tracks)
 CATALOGUE = BenchmarkCase("batch, 100 situations, posterior", situations(2, 100, True))
-ONE_SITUATION_INDEX = BenchmarkCase("batch, one situation, index", situations(2, 1))
-CATALOGUE_INDEX = BenchmarkCase("batch, 100 situations, index", situations(2, 100))
-SWARM_ENV = BenchmarkCase("SwarmVectorEnv", vector_env(SwarmVectorEnv, True))
-SWARM_ENV_INDEX = BenchmarkCase("SwarmVectorEnv, index", vector_env(SwarmVectorEnv, False))
-DRONE_ENV = BenchmarkCase("DroneVectorEnv", vector_env(DroneVectorEnv, True))
-DRONE_ENV_INDEX = BenchmarkCase("DroneVectorEnv, index", vector_env(DroneVectorEnv, False))
+ONE_SITUATION_ENGINE = BenchmarkCase("batch, one situation, without matrices", situations(2, 1))
+CATALOGUE_ENGINE = BenchmarkCase("batch, 100 situations, without matrices", situations(2, 100))
+SWARM_ENV = BenchmarkCase("SwarmVectorEnv", vector_env(SwarmVectorEnv))
+DRONE_ENV = BenchmarkCase("DroneVectorEnv", vector_env(DroneVectorEnv))

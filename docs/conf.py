@@ -73,7 +73,6 @@ autodoc_mock_imports = [
     "ray",
     "stable_baselines3",
     "tensordict",
-    "tianshou",
     "torch",
     "torchrl",
 ]

@@ -646,7 +646,7 @@ def survival(theme: Theme, sampling: Sampling) -> Figure:
 
 
 BATCHED = {
-    "by index": ("batch, index", 20, 4),
+    "without matrices": ("batch, without matrices", 20, 4),
     "with matrices": ("batch, matrices", 20, 4),
     "posterior": ("batch, posterior", 20, 4),
     "JaxMARL coin_game": ("JaxMARL coin_game", 20, 2),
@@ -961,7 +961,6 @@ EXAMPLES = {
     "rllib": "RLlib",
     "torchrl": "TorchRL",
     "benchmarl": "BenchMARL",
-    "tianshou": "Tianshou",
     "own_loop": "your own loop",
 }
 """The training examples and their names in the figure."""
@@ -998,7 +997,8 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
     colours = dict(zip(YARDSTICKS, (*theme.series[3:0:-1], theme.grey), strict=True))
     with (TRAINING / "own_loop.csv").open(encoding="utf-8", newline="") as file:
         random_searches = {row["policy"]: float(row["success"]) for row in csv.DictReader(file)}
-    for axes, (example, title) in zip(panels.flat, EXAMPLES.items(), strict=True):
+    *plotted, beside = panels.flat  # the legend takes the last panel
+    for axes, (example, title) in zip(plotted, EXAMPLES.items(), strict=True):
         axes.set_title(title)
         levels = random_searches if example == "own_loop" else yardsticks()
         for name, colour in colours.items():
@@ -1009,17 +1009,16 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
             known = ~np.isnan(columns["found"])
             steps, found = columns["steps"][known], moving_mean(columns["found"][known])
             axes.plot(steps, found, color=theme.series[0], linewidth=1.1, alpha=0.8)
-    show_success_over_steps(panels.flat)
-    for axes in panels[1]:
+    show_success_over_steps(plotted)
+    for axes in plotted[-3:]:
         axes.set_xlabel("environment steps")
     lines = [Line2D([], [], color=theme.series[0], label="each seed")]
     lines += [
         Line2D([], [], color=colour, linestyle=(0, (4, 2)), linewidth=1.2, label=name)
         for name, colour in colours.items()
     ]
-    chart.legend(
-        handles=lines, loc="outside lower center", ncols=5, columnspacing=0.9, handlelength=1.5
-    )
+    beside.axis("off")
+    beside.legend(handles=lines, loc="center", handlelength=1.5)
     return chart
 
 

@@ -9,7 +9,6 @@ LIBRARIES = {
     "benchmarl": "benchmarl",
     "rllib": "ray",
     "sb3": "stable_baselines3",
-    "tianshou": "tianshou",
     "torchrl": "torchrl",
 }
 

@@ -228,7 +228,6 @@ OTHERS: dict[str, tuple[Any, ...]] = {
     "fine without tracks": (lambda: Person(DRIFT, fine=3), ValueError, "belong to tracks"),
     "classes without tracks": (lambda: Person(DRIFT, classes=2), ValueError, "belong to tracks"),
     "too many classes": (lambda: Person(TRACKS, classes=10**400), ValueError, "classes", "1 to 2"),
-    "wants_table": (lambda: SearchBatch(2, wants_table=1), TypeError, "wants_table must be True"),
     "finds_last": (lambda: SearchBatch(2, finds_last="no"), TypeError, "finds_last must be True"),
     "top_cells of text": (
         lambda: SwarmVectorEnv(2, top_cells="8"),

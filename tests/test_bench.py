@@ -71,7 +71,7 @@ def test_a_case_counts_the_steps_that_it_makes(case):
     assert run(1) == num_envs
     made = run(200)
     resets_at_once = case in (cases.TRAINING, cases.TRAINING_SAMPLER)
-    if case.batched and case is not cases.GATHER and not resets_at_once:
+    if case.batched and not resets_at_once:
         assert 100 * num_envs < made < 200 * num_envs, "rows that reset do not count"
     else:
         assert made == 200 * num_envs

@@ -1,4 +1,4 @@
-"""Compact pictures of an episode."""
+"""Films of an episode: small pictures, cropped to where something happens."""
 
 from dataclasses import replace
 from typing import Any
@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.rules import Ending
-from DroneSwarmSearch.rendering.palette import FOUND, PAPER, PROGRESS_LIGHT, Look
+from DroneSwarmSearch.rendering import video
+from DroneSwarmSearch.rendering.palette import FOUND, PAPER, PROGRESS, Look
 
 pytest.importorskip("pygame")
-
-from DroneSwarmSearch.rendering.film import Film
 
 
 def episode(size: int = 40, **changes: Any) -> list[Frame]:
@@ -26,10 +25,21 @@ def episode(size: int = 40, **changes: Any) -> list[Frame]:
     return [frame, replace(frame, drones=((17, 20), (18, 21)), step=4)]
 
 
-def pixels(frames: list[Frame], title: str = "A raft drifts.", **changes: Any) -> NDArray[np.int64]:
-    """The picture of the first frame, with some changes."""
-    film = Film(frames, title=title)
-    return film.pixels(replace(frames[0], **changes)).astype(np.int64)
+@pytest.fixture
+def pictures(monkeypatch, tmp_path):
+    """A function that returns the pictures of a film of some frames."""
+    written: list[NDArray[np.int64]] = []
+
+    def keep(path: Any, shown: Any, **options: Any) -> None:
+        written[:] = [picture.astype(np.int64) for picture in shown]
+
+    monkeypatch.setattr(video, "write_pictures", keep)
+
+    def film(frames: list[Frame], title: str = "A raft drifts.") -> list[NDArray[np.int64]]:
+        video.write_video(tmp_path / "film.gif", frames, Look(), title=title, fps=25.0, hold=1.0)
+        return [*written]
+
+    return film
 
 
 def spread(one: NDArray[np.int64], other: NDArray[np.int64]) -> tuple[int, int]:
@@ -38,9 +48,9 @@ def spread(one: NDArray[np.int64], other: NDArray[np.int64]) -> tuple[int, int]:
     return int(np.ptp(rows)), int(np.ptp(columns))
 
 
-def test_the_map_is_cropped_to_where_things_happen():
-    near = pixels(episode())
-    far = pixels([*episode(), replace(episode()[0], drones=((0, 0), (39, 39)))])
+def test_the_map_is_cropped_to_where_things_happen(pictures):
+    near = pictures(episode())[0]
+    far = pictures([*episode(), replace(episode()[0], drones=((0, 0), (39, 39)))])[0]
     assert near.shape[1] == pytest.approx(far.shape[1], abs=40)
 
     def blue(picture: NDArray[np.int64]) -> int:
@@ -49,28 +59,29 @@ def test_the_map_is_cropped_to_where_things_happen():
     assert blue(near) > 5 * blue(far) > 0
 
 
-def test_the_outcome_replaces_the_title():
-    frames = episode()
-    before, after = pixels(frames), pixels(frames, ending=Ending.FOUND)
-    assert (after[:60] == FOUND).all(axis=2).mean() > 0.3
-    assert spread(before, after)[0] < 70
+def test_the_outcome_is_shown_above_the_map(pictures):
+    going = episode()
+    ended = [going[0], replace(going[1], ending=Ending.FOUND)]
+    before, after = pictures(going)[-1], pictures(ended)[-1]
+    assert (after[:52] == FOUND).all(axis=2).mean() > 0.3
     assert before.shape == after.shape
+    assert spread(before[:52], after[:52])[0] < 52
 
 
-def test_the_bar_is_as_long_as_the_probability_of_success():
-    for share in (0.0, 0.25, 0.75, 1.0):
-        picture = pixels(episode(), probability_of_success=share)
-        filled = (picture == PROGRESS_LIGHT).all(axis=2).sum(axis=1).max()
-        assert filled / picture.shape[1] == pytest.approx(share, abs=0.06)
+def test_the_bar_is_as_long_as_the_probability_of_success(pictures):
+    """It is the second bar below the map, after that of the steps."""
+    for share in (0.25, 0.75, 1.0):
+        picture = pictures([replace(episode()[0], step=0, probability_of_success=share)])[0]
+        below = picture[picture.shape[0] * 2 // 3 :]
+        filled = (below == PROGRESS).all(axis=2).sum(axis=1).max()
+        assert filled / 232 == pytest.approx(share, abs=0.03)
 
 
-def test_a_title_has_two_lines_at_most():
+def test_a_long_title_is_cut_to_its_first_sentence(pictures):
     first = "A life raft without ballast drifts for an hour in a wind of 34 knots."
     story = f"{first} {'Three aircraft search for it while it moves. ' * 4}"
-    assert (pixels(episode(), story) == pixels(episode(), first)).all()
-    none, one, two, long = (
-        len(pixels(episode(), title)) for title in ("", "A raft.", first, "raft " * 60)
-    )
-    assert none < one < two == long
-    right = pixels(episode(), "raft " * 60)[:, -8:]
+    assert (pictures(episode(), story)[0] == pictures(episode(), first)[0]).all()
+    none, one, two = (len(pictures(episode(), title)[0]) for title in ("", "A raft.", first))
+    assert none < one < two
+    right = pictures(episode(), "raft " * 60)[0][:, -8:]
     assert (right == PAPER).all()

@@ -26,7 +26,6 @@ ADAPTERS = {
     "DroneSwarmSearch.adapters.rllib": "ray.rllib",
     "DroneSwarmSearch.adapters.torchrl": "torchrl",
     "DroneSwarmSearch.adapters.benchmarl": "benchmarl",
-    "DroneSwarmSearch.adapters.tianshou": "tianshou",
 }
 """Modules that are only importable where a library is installed."""
 

@@ -8,7 +8,7 @@ from batches import CATALOGUE, DRONES, NAN, PERSON, SAMPLED, everything_sampled,
 from helpers import plain, without_history
 
 from DroneSwarmSearch import DroneSwarmSearch, Person
-from DroneSwarmSearch.vector import SearchBatch, SwarmVectorEnv
+from DroneSwarmSearch.vector import SearchBatch
 
 
 @pytest.mark.parametrize("bayesian", [False, True])
@@ -112,8 +112,6 @@ def test_samplers_are_refused_together_with_what_they_draw():
 
     with pytest.raises(ValueError, match="sampler cannot be given together with situations"):
         SearchBatch(3, situations=CATALOGUE, sampler=sampler)
-    with pytest.raises(ValueError, match=r"write_matrices=False needs .* no sampler"):
-        SwarmVectorEnv(3, write_matrices=False, sampler=sampler)
     batch = SearchBatch(3, sampler=sampler)
     with pytest.raises(ValueError, match="situations cannot be given together with a sampler"):
         batch.reset(situations=[[Person(each.drift.drifts) for each in CATALOGUE[0]]])

@@ -51,7 +51,6 @@ RUNNERS = ("--num-env-runners", 2, "--num-envs", 2)
             *("benchmarl", "benchmarl", "benchmarl-iql"),
             *("--steps", 12_000, "--algorithm", "iql", "--task", "medium"),
         ),
-        example("tianshou", "tianshou", "tianshou", "tianshou-ppo", "--steps", 4_000),
         example("rllib-local", "lz4", "rllib", "rllib-ppo", "--steps", 4_000),
         example("rllib-runners", "lz4", "rllib", "rllib-ppo", "--steps", 4_000, *RUNNERS),
     ],

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from batches import DRONES, NAN
 
-from DroneSwarmSearch import Action, Drift, Person, ResetNeeded
+from DroneSwarmSearch import Action, ResetNeeded
 from DroneSwarmSearch.vector import SearchBatch
 
 BAD_ACTIONS: list[tuple[Any, type[Exception], str]] = [
@@ -83,7 +83,6 @@ def test_rows_are_those_of_numpy():
     ("name", "make"),
     [
         ("grid_size", lambda: SearchBatch(1, grid_size=10**7)),
-        ("timestep_limit", lambda: SearchBatch(1, timestep_limit=10**12, wants_table=True)),
     ],
 )
 def test_a_batch_that_does_not_fit_in_memory_is_refused_by_name(name, make, monkeypatch):
@@ -92,20 +91,6 @@ def test_a_batch_that_does_not_fit_in_memory_is_refused_by_name(name, make, monk
     )
     with pytest.raises(ValueError, match=rf"{name}.* must be smaller: with .*{name}=.* GiB"):
         make()
-
-
-def test_a_table_that_a_reset_would_let_grow_too_large_is_refused(monkeypatch):
-    batch = SearchBatch(8, grid_size=40, situations=[[Person(Drift((0, 0)))]], wants_table=True)
-    batch.reset(range(8))
-    before = pickle.dumps(batch)
-    monkeypatch.setattr(  # 4 MiB
-        os, "sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 2**10}.get, raising=False
-    )
-    with pytest.raises(
-        ValueError, match=r"timestep_limit must be smaller: .* 8 different forecasts"
-    ):
-        batch.reset(range(8), situations=[[Person(Drift((x, 0)))] for x in range(8)])
-    assert pickle.dumps(batch) == before
 
 
 # For three rows of two drones on 7 x 7 cells.

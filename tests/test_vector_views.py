@@ -25,17 +25,11 @@ from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
 
 VIEWS = [SwarmVectorEnv, DroneVectorEnv]
 MODES = list(AutoresetMode)
-LAYOUTS = [  # with matrices written, or without
-    ("dict", True),
-    ("dict", False),
-    ("flat", True),
-    ("planes", True),
-    ("top-cells", True),
-]
+LAYOUTS = ("dict", "flat", "planes", "top-cells")
 
 both_views = pytest.mark.parametrize("view", VIEWS)
 all_modes = pytest.mark.parametrize("mode", MODES)
-all_layouts = pytest.mark.parametrize(("layout", "writes"), LAYOUTS)
+all_layouts = pytest.mark.parametrize("layout", LAYOUTS)
 
 # So small and so crowded that every ending is met often.
 SMALL: dict[str, Any] = {
@@ -58,9 +52,6 @@ _CHANCES = [0.06, 0.09, 0.06, 0.09, 0.5, 0.2]  # moves are rare: they end most e
 def random_actions(rng: np.random.Generator, env: VectorEnv) -> np.ndarray:
     """Actions of all sub-environments, in the form of the batched action space."""
     return rng.choice(len(Action), env.action_space.shape, p=_CHANCES)
-
-
-NO_TABLE = "there is no table of matrices"
 
 
 def env_of(observations: Any, env_index: int) -> Any:
@@ -160,8 +151,8 @@ def gymnasiums(num_envs, mode, separate_flags=False, **parameters):
 
 @both_views
 @all_layouts
-def test_everything_lies_in_its_space(view, layout, writes):
-    env = view(5, observation=layout, write_matrices=writes, autoreset_mode="SameStep", **SMALL)
+def test_everything_lies_in_its_space(view, layout):
+    env = view(5, observation=layout, autoreset_mode="SameStep", **SMALL)
     n, per_swarm = env.num_envs, env.num_envs // 5
     assert per_swarm == (1 if view is SwarmVectorEnv else SMALL["n_drones"])
     assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
@@ -203,15 +194,15 @@ def masks_of(env: SearchVectorEnv) -> np.ndarray:
 
 @both_views
 @pytest.mark.parametrize(
-    ("layout", "writes", "mode", "right_of_way"),
+    ("layout", "mode", "right_of_way"),
     [
-        ("dict", True, AutoresetMode.NEXT_STEP, True),
-        ("dict", False, AutoresetMode.SAME_STEP, False),
-        ("flat", True, AutoresetMode.DISABLED, True),
+        ("dict", AutoresetMode.NEXT_STEP, True),
+        ("planes", AutoresetMode.SAME_STEP, False),
+        ("flat", AutoresetMode.DISABLED, True),
     ],
 )
-def test_observations_or_infos_hold_masks_on_request(view, layout, writes, mode, right_of_way):
-    how = {"observation": layout, "write_matrices": writes, "autoreset_mode": mode, **SMALL}
+def test_observations_or_infos_hold_masks_on_request(view, layout, mode, right_of_way):
+    how = {"observation": layout, "autoreset_mode": mode, **SMALL}
     env = view(4, action_mask="observation", right_of_way=right_of_way, **how)
     plainly = view(4, action_mask="info", right_of_way=right_of_way, **how)
     assert env.observation_space == batch_space(env.single_observation_space, env.num_envs)
@@ -244,28 +235,6 @@ def test_observations_or_infos_hold_masks_on_request(view, layout, writes, mode,
             assert their_infos["_action_mask"].tolist() == dones.tolist()
         ended += int(dones.sum())
     assert ended > 5
-
-
-@both_views
-def test_indices_name_the_matrices_that_would_be_written(view):
-    drifts = [(0.3, -0.2), (0.0, 0.1), (0.3, -0.2), (-1.0, 0.0)]
-    situations = [Person(Drift((1, 1), vector=drift, diffusion=0.2)) for drift in drifts]
-    shared = {"situations": situations, "situation": range(4), "timestep_limit": 70}
-    parameters = {**{key: SMALL[key] for key in ("grid_size", "n_drones")}, **shared}
-    indexed, writing = view(4, write_matrices=False, **parameters), view(4, **parameters)
-    with pytest.raises(ValueError, match="read-only"):
-        indexed.matrices[0] = 0
-    idle = np.full(indexed.action_space.shape, Action.IDLE)
-    shown = {}
-    seen, wanted = indexed.reset(seed=1)[0], writing.reset(seed=1)[0]
-    for _ in range(150):  # beyond the first part of the table that is filled, and beyond the end
-        index = seen["matrix_index"]
-        assert plain(indexed.matrices[index]) == plain(wanted["probability_matrix"])
-        for entry in index.tolist():
-            matrix = plain(indexed.matrices[entry])
-            assert shown.setdefault(entry, matrix) == matrix
-        seen, wanted = indexed.step(idle)[0], writing.step(idle)[0]
-    assert len(shown) == 3 * 71  # two of the four forecasts are one
 
 
 @pytest.mark.parametrize("seed", [7, np.int64(7), (7, 8, 9), np.array([7, 8, 9])], ids=type)
@@ -473,8 +442,8 @@ def arrays_in(result: Any) -> list[np.ndarray]:
 
 @both_views
 @all_layouts
-def test_without_copies_the_same_arrays_come_back(view, layout, writes):
-    parameters = {"observation": layout, "write_matrices": writes, **SMALL}
+def test_without_copies_the_same_arrays_come_back(view, layout):
+    parameters = {"observation": layout, **SMALL}
     env, copies = view(3, copy=False, **parameters), view(3, **parameters)
     assert as_data(env.reset(seed=1)) == as_data(copies.reset(seed=1))
     assert rollout(env, 15) == rollout(copies, 15)
@@ -557,14 +526,10 @@ def test_unknown_options_are_warned_about(view):
     [
         ({"observation": "pixels"}, ValueError, "observation must be one of 'dict', 'flat', 'plan"),
         ({"autoreset_mode": "Never"}, ValueError, "'Never' is not a valid AutoresetMode"),
-        ({"write_matrices": 1}, TypeError, "write_matrices must be True or False, got 1"),
         ({"action_mask": "infos"}, ValueError, "action_mask must be one of None, 'observation', "),
         ({"reward_scale": 0}, ValueError, "reward_scale must be a finite number above 0, got 0"),
         ({"render_mode": "human"}, ValueError, "render_mode must be one of None, 'ansi', 'rgb_ar"),
-        ({"observation": "flat", "write_matrices": False}, ValueError, "write_matrices=False need"),
         ({"grid_size": 1}, ValueError, "grid_size must be an integer of at least 2"),
-        ({"write_matrices": False, "bayesian_update": True}, ValueError, NO_TABLE),
-        ({"write_matrices": False, **SEVERAL_PERSONS}, ValueError, NO_TABLE),
     ],
 )
 def test_wrong_arguments_are_refused(arguments, error, words):
@@ -593,7 +558,7 @@ def test_each_view_has_a_name_for_the_number_of_swarms(view, count, other):
 @both_views
 def test_the_signature_shows_every_keyword(view):
     shown = inspect.signature(view).parameters
-    own = "observation top_cells write_matrices action_mask right_of_way autoreset_mode "
+    own = "observation top_cells action_mask right_of_way autoreset_mode "
     assert list(shown)[1:] == [
         *["shared_reward"] * (view is DroneVectorEnv),
         *f"{own}separate_flags reward_scale copy render_mode".split(),

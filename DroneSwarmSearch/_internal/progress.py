@@ -22,6 +22,7 @@ def progress(what: str, total: float, visible: bool = True) -> Iterator[Callable
         return
     # None: unless stderr is a terminal. It may be closed, or replaced by None.
     is_disabled = True if not visible or sys.stderr is None else None
-    how = {"leave": False, "delay": 2.0, "bar_format": FORMAT, "disable": is_disabled}
-    with tqdm(total=total, desc=what, **how) as bar:
+    with tqdm(
+        total=total, desc=what, leave=False, delay=2.0, bar_format=FORMAT, disable=is_disabled
+    ) as bar:
         yield lambda done: bar.update(done - bar.n)

@@ -19,7 +19,7 @@ from DroneSwarmSearch.adapters.trained_policy import TrainedPolicy, listed
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.observations import TOP_CELLS, BatchObservations
+from DroneSwarmSearch.vector.observations import BatchObservations
 from DroneSwarmSearch.vector.vector_env import DroneVectorEnv, SwarmVectorEnv
 
 with imports_of("sb3"):
@@ -181,7 +181,7 @@ class SB3Policy(TrainedPolicy):
         ValueError: it holds no such model, or one that observes something else.
     """
 
-    view = View("drone", "crops", True, True, bayesian_update=True)
+    view = View("drone", "crops", action_mask=True, right_of_way=True, bayesian_update=True)
 
     def __init__(self, scenario: Scenario, path: str) -> None:
         data, params, _ = load_from_zip_file(path, device="cpu")
@@ -191,13 +191,17 @@ class SB3Policy(TrainedPolicy):
         space = data["observation_space"]
         policy = kind(space, data["action_space"], lambda _: 0.0, **data["policy_kwargs"])
         policy.load_state_dict(params["policy"])
-        view, batch = self.view, SearchBatch(1, scenario=scenario)
-        known = batch, view.observation, view.form == "swarm", TOP_CELLS, True
-        if not any(
-            _shapes(BatchObservations(*known, m).space) == _shapes(space) for m in (None, True)
-        ):
-            raise ValueError(f"the model must observe a search like this as {view}, got {space}")
-        super().__init__(logits(policy), view=view)
+        batch = SearchBatch(1, scenario=scenario)
+        with_masks, without = (
+            BatchObservations(batch, self.view.observation, joint=False, masks=masks)
+            for masks in (True, None)
+        )
+        known = [_shapes(with_masks.space), _shapes(without.space)]
+        if _shapes(space) not in known:
+            raise ValueError(
+                f"the model must observe a search like this as {self.view}, got {space}"
+            )
+        super().__init__(logits(policy), view=self.view)
 
 
 def _shapes(space: spaces.Space[Any]) -> Any:

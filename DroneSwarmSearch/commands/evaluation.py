@@ -13,10 +13,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from DroneSwarmSearch import policies
+from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.commands.searches import search_on_grid
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.evaluation import board, exporting, recording
+from DroneSwarmSearch.evaluation.parallel import Workers
 from DroneSwarmSearch.evaluation.results import Evaluation, csv_text, save_csv
 from DroneSwarmSearch.evaluation.run import bounds_of, check_names
 from DroneSwarmSearch.evaluation.run_folder import RunFolder, file_name
@@ -95,7 +97,7 @@ def leaderboard(options: argparse.Namespace) -> None:
 def bound(options: argparse.Namespace) -> None:
     """Print upper bounds on success."""
     searches = _searches(options)
-    bounds = bounds_of(searches, RunFolder(options.out), options.workers, options.ray, True)
+    bounds = bounds_of(searches, RunFolder(options.out), Workers(options.workers, options.ray))
     parts = (0.25, 0.5, 0.75, 1.0)
     rows = []
     for search in searches:
@@ -110,18 +112,26 @@ def bound(options: argparse.Namespace) -> None:
 def record(options: argparse.Namespace) -> None:
     """Record a video."""
     search = search_on_grid(options.search)
-    how = {"view": view_from(options), "fps": options.fps, "palette": options.palette}
-    video = recording.record(options.policy, search, options.out, seed=options.seed, **how)
+    video = recording.record(
+        options.policy,
+        search,
+        options.out,
+        seed=options.seed,
+        view=view_from(options),
+        fps=options.fps,
+        palette=options.palette,
+    )
     print(f"{options.out}: {options.policy} searching {search.name}\n{video.last.outcome}")
 
 
 def export(options: argparse.Namespace) -> None:
     """Write episodes as JSON."""
     search = search_on_grid(options.search)
-    how = {"seeds": options.seeds, "view": view_from(options)}
-    data = exporting.export(options.policies, search, options.out, **how)
-    count = len(data["episodes"])
-    print(f"{options.out}: {count} episode{'s' * (count > 1)} of {search.name}")
+    data = exporting.export(
+        options.policies, search, options.out, seeds=options.seeds, view=view_from(options)
+    )
+    count = plural(len(data["episodes"]), "episode")
+    print(f"{options.out}: {count} of {search.name}")
 
 
 def add_view(parser: argparse.ArgumentParser) -> None:

@@ -79,8 +79,16 @@ def run(options: argparse.Namespace) -> None:
     found = search_on_grid(options.search or USUAL_SEARCH)
     print(textwrap.fill(f"{found.name}: {found.reason}", WIDTH) + "\n", flush=True)
     if options.record is not None:
-        how = {"view": view_from(options), "fps": options.fps, "palette": options.palette}
-        last = record(options.policy, found, options.record, seed=options.seed, **how).last
+        video = record(
+            options.policy,
+            found,
+            options.record,
+            seed=options.seed,
+            view=view_from(options),
+            fps=options.fps,
+            palette=options.palette,
+        )
+        last = video.last
     elif options.text or not _play_in_window(options, found):
         episode = _Episode(found, options, options.seed)
         print_frames(episode.frames(), options.fps)

@@ -271,14 +271,6 @@ class Forecasts:
     def _fill(self, steps: int) -> None:
         """Fill the tables but for the matrices for some more steps."""
 
-    @property
-    def table(self) -> Singles:
-        """The matrices of all entries so far: float32, (entries, N, N), read-only."""
-        assert self._matrices is not None
-        table = self._matrices.view()
-        table.flags.writeable = False
-        return table
-
     # The forecast.
 
     def _each(self, entries: Ints) -> list[tuple[DriftModel, int]]:

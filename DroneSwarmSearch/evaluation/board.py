@@ -10,6 +10,7 @@ from pathlib import Path
 from statistics import fmean
 
 from DroneSwarmSearch._internal.files import csv_rows
+from DroneSwarmSearch.evaluation.parallel import Workers
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds, save_csv
 from DroneSwarmSearch.evaluation.run import Case, check_names, evaluate_cases
@@ -138,8 +139,15 @@ def leaderboard(
         for spec, row in zip(theirs, rows, strict=True):
             cases.append(Case.of(spec, search, None, row["deterministic"] == "yes" or None))
         cases += [Case.of(spec, search) for spec in package]
-    how = episodes, seed, out, workers, ray, progress
-    found = Leaderboard(evaluate_cases(cases, *how, bounded=named if bounds else []))
+    evaluations = evaluate_cases(
+        cases,
+        episodes,
+        seed,
+        out,
+        Workers(workers, ray, progress),
+        bounded=named if bounds else [],
+    )
+    found = Leaderboard(evaluations)
     for row in rows:
         mean = mean_of(result.success for result in found.policies[row["name"]]).scaled(100.0)
         if not mean.low - TOLERANCE <= float(row["success"]) <= mean.high + TOLERANCE:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -11,29 +12,44 @@ from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch._internal.progress import progress
 
 
-def finished(
-    calls: Sequence[partial[Any]], what: str, workers: int, ray: str | None, visible: bool
-) -> Iterator[Any]:
-    """Make calls, show their progress, and yield their results in order.
+@dataclass(frozen=True)
+class Workers:
+    """Where calls run, and whether their progress is shown; see `evaluate`.
 
-    `workers` and `ray` are those of `evaluate`; calls elsewhere are pickled, and Ray's results come
-    at the end.
+    Attributes:
+        workers: the number of processes on this machine.
+        ray: "local", "auto" or the address of a Ray cluster, in place of these.
+        progress: whether a terminal shows a bar.
     """
-    count = checks.integer("workers", workers, 1)
-    checks.boolean("progress", visible)
-    with progress(what, len(calls), visible) as bar:
-        results: Any = (call() for call in calls)
-        if calls and (ray is not None or count > 1):
-            joblib = needed("joblib", "workers > 1 needs the package joblib", "evaluation")
-            options: dict[str, Any] = {"n_jobs": count, "return_as": "generator"}
-            if ray is not None:
-                _use_ray(ray)
-                options = {"n_jobs": -1, "return_as": "list", "backend": "ray"}
-            run = joblib.Parallel(batch_size=1, **options)
-            results = run(joblib.delayed(call)() for call in calls)
-        for done, result in enumerate(results, 1):
-            bar(done)
-            yield result
+
+    workers: int = 1
+    ray: str | None = None
+    progress: bool = True
+
+    def __post_init__(self) -> None:
+        checks.integer("workers", self.workers, 1)
+        checks.boolean("progress", self.progress)
+
+    def finished(self, calls: Sequence[partial[Any]], what: str) -> Iterator[Any]:
+        """Make calls, and yield their results in order.
+
+        Calls elsewhere are pickled. Ray's results come at the end. `what` is the title of the bar.
+        """
+        with progress(what, len(calls), self.progress) as bar:
+            for done, result in enumerate(self._results(calls), 1):
+                bar(done)
+                yield result
+
+    def _results(self, calls: Sequence[partial[Any]]) -> Iterator[Any]:
+        if not calls or (self.ray is None and self.workers == 1):
+            return (call() for call in calls)
+        joblib = needed("joblib", "workers > 1 needs the package joblib", "evaluation")
+        options: dict[str, Any] = {"n_jobs": self.workers, "return_as": "generator"}
+        if self.ray is not None:
+            _use_ray(self.ray)
+            options = {"n_jobs": -1, "return_as": "list", "backend": "ray"}
+        run = joblib.Parallel(batch_size=1, **options)
+        return iter(run(joblib.delayed(call)() for call in calls))
 
 
 def _use_ray(address: str) -> None:

@@ -15,7 +15,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.bound.success import SuccessBound, success_bound
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.evaluation.episodes import Episodes
-from DroneSwarmSearch.evaluation.parallel import finished
+from DroneSwarmSearch.evaluation.parallel import Workers
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation
 from DroneSwarmSearch.evaluation.rollout import play
@@ -85,7 +85,8 @@ def evaluate(
         StorageError: the folder cannot be written.
     """
     case = Case.of(policy, search, view, deterministic, name)
-    return evaluate_cases([case], episodes, seed, out, workers, ray, progress)[0]
+    results = evaluate_cases([case], episodes, seed, out, Workers(workers, ray, progress))
+    return results[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,14 +158,14 @@ def evaluate_cases(
     episodes: int,
     seed: int,
     out: str | Path | None,
-    *how: Any,
+    workers: Workers,
     bounded: Sequence[NamedSearch] = (),
 ) -> list[Evaluation]:
-    """Evaluate cases together, with bounds of some searches; `how`: workers, ray and progress."""
+    """Evaluate cases together, with the bounds of some searches."""
     end = checks.integer("seed", seed, 0) + checks.integer("episodes", episodes, 1)
     portions = [range(first, min(first + PORTION, end)) for first in range(seed, end, PORTION)]
     folder = RunFolder(out)
-    bounds = bounds_of(bounded, folder, *how)
+    bounds = bounds_of(bounded, folder, workers)
     facts = {case: case.facts(episodes, seed) for case in cases}
     done: dict[Case, Episodes] = {}
     for case in cases:
@@ -174,16 +175,15 @@ def evaluate_cases(
                 done[case] = known
     left = [case for case in cases if case not in done]
     # Policies are prepared first, each once.
-    policies = [
-        *finished([partial(prepared, case.spec, case.search) for case in left], "policies", *how)
-    ]
+    preparations = [partial(prepared, case.spec, case.search) for case in left]
+    policies = list(workers.finished(preparations, "policies"))
     calls = [
         partial(_play, policy, case, seeds)
         for case, policy in zip(left, policies, strict=True)
         for seeds in portions
     ]
     parts: list[Episodes] = []
-    for job, part in enumerate(finished(calls, "evaluation", *how)):
+    for job, part in enumerate(workers.finished(calls, "evaluation")):
         parts.append(part)
         if len(parts) == len(portions):
             case = left[job // len(portions)]
@@ -206,7 +206,7 @@ def evaluate_cases(
 
 
 def bounds_of(
-    searches: Sequence[NamedSearch], folder: RunFolder, *how: Any
+    searches: Sequence[NamedSearch], folder: RunFolder, workers: Workers
 ) -> dict[str, SuccessBound]:
     """The bounds of searches by name, see `evaluate_cases`; they ignore `bayesian_update`."""
     bounds: dict[str, SuccessBound] = {}
@@ -218,7 +218,7 @@ def bounds_of(
             bounds[search.name] = known
     left = [search for search in searches if search.name not in bounds]
     calls = [partial(success_bound, search.scenario, search.drones) for search in left]
-    for search, bound in zip(left, finished(calls, "bounds", *how), strict=True):
+    for search, bound in zip(left, workers.finished(calls, "bounds"), strict=True):
         bounds[search.name] = bound
         folder.save(f"{search.name}.bound", _bound_facts(search), bound)
     return bounds

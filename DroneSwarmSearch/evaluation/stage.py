@@ -16,7 +16,7 @@ from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.policies import BatchPolicy
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.observations import TOP_CELLS, BatchObservations
+from DroneSwarmSearch.vector.observations import BatchObservations
 
 PolicyLike = Callable[[Any], Any]
 
@@ -94,7 +94,7 @@ class Stage:
         self._names = tuple(f"drone{i}" for i in range(scenario.n_drones))
         self._neighbours = Grid.of(scenario.grid_size).neighbours
         self._observations = BatchObservations(
-            batch, view.observation, joint, TOP_CELLS, True, view.masks
+            batch, view.observation, joint=joint, masks=view.masks
         )
 
     def actions(self, policy: PolicyLike, rows: Ints) -> Ints:

@@ -1,4 +1,4 @@
-"""The panel right of the map: step, results so far, drift, colours, legend and hypotheses."""
+"""The panel beside or below the map: step, results, drift, colours, legend and hypotheses."""
 
 from __future__ import annotations
 
@@ -34,6 +34,9 @@ COMPASS = 62
 SYMBOL = 24
 NAME_WIDTH = 62  # left of a bar
 
+FILM_GAP = 12  # between the two columns of a film
+FILM_WIDTH, FILM_HEIGHT = 2 * WIDTH + FILM_GAP, 210
+
 
 def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look) -> None:
     """Draw all sections."""
@@ -52,6 +55,16 @@ def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look) -> None:
             bar = pygame.Rect(NAME_WIDTH, top + 20 + row * HYPOTHESES_ROW, WIDTH - NAME_WIDTH, 17)
             write(canvas, f"person {person}", SMALL, INK, midleft=(0, bar.centery))
             _draw_weights(canvas, frame.hypotheses[person], bar)
+
+
+def draw_film_panel(canvas: pygame.Surface, frame: Frame) -> None:
+    """Draw what changes at the left, and the symbols at the right."""
+    height = canvas.get_height()
+    left = canvas.subsurface((0, 0, WIDTH, height))
+    right = canvas.subsurface((WIDTH + FILM_GAP, 0, WIDTH, height))
+    _draw_time(left, frame)
+    _draw_results(left, frame)
+    _draw_symbols(right, frame, 0)
 
 
 def _heading(canvas: pygame.Surface, text: str, top: int, right: str = "") -> None:
@@ -92,7 +105,7 @@ def _draw_results(canvas: pygame.Surface, frame: Frame) -> int:
     if success is not None:
         _write_pair(canvas, "PROBABILITY OF SUCCESS", f"{success:.1%}", top)
         _draw_progress(canvas, success, top + 18)
-        write(canvas, "of all persons would be found by now", SMALL, GREY, topleft=(0, top + 31))
+        write(canvas, "of persons would be found by now", SMALL, GREY, topleft=(0, top + 31))
         top += 56
     if total is not None:
         digits = 3 if abs(total) < 10 else 0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pygame
 
-from DroneSwarmSearch.rendering.painter import SIDES, Painter
+from DroneSwarmSearch.rendering.painter import Painter
 from DroneSwarmSearch.rendering.palette import FAINT, GREY, INK, PAPER, WHITE, Look
 from DroneSwarmSearch.rendering.player import Player, Score
 from DroneSwarmSearch.rendering.sprites import text_line, write
@@ -28,7 +28,7 @@ class PlayerWindow(Window):
 
     def __init__(self, grid_size: int, look: Look, reason: str) -> None:
         self._painters = {
-            view: Painter(grid_size, look, view=view, reason=reason) for view in SIDES
+            view: Painter(grid_size, look, view=view, reason=reason) for view in ("matrix", "both")
         }
         super().__init__(self._size_of("matrix", False))
 

@@ -33,6 +33,7 @@ from DroneSwarmSearch.rendering.sprites import write
 LEFT, TOP, RIGHT, BOTTOM = 46, 42, 22, 24  # margins; the first two hold the coordinates
 TICK_ROOM, KILOMETRE_ROOM, TICK_FONT = 26, 44, 18
 NORTH = 14  # the side of the arrow to the north
+ENDING_BORDER = 5  # the width of the line around the map at the end of an episode
 OPAQUE_FROM, GRID_OPACITY = 16, 0.45  # closer lines are fainter than this opacity
 SYMBOL_SHARE = 0.84  # of a symbol
 SYMBOL_LEAST = 26  # for a legible number, even if symbols then leave their cell
@@ -76,7 +77,7 @@ class SearchMap:
         self._draw_searched(canvas, frame)
         self._draw_symbols(canvas, frame, end, drones, persons)
         if frame.ending is not None:
-            self._draw_border(canvas, outcome_colour(frame), 5)
+            self._draw_border(canvas, outcome_colour(frame), ENDING_BORDER)
 
     def _centre(self, x: float, y: float) -> Pair:
         """The pixel in the middle of a cell."""

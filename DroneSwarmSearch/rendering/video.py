@@ -6,7 +6,8 @@ import contextlib
 import itertools
 import subprocess
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,13 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch.core.frame import Frame
-from DroneSwarmSearch.rendering.palette import Look
+from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.rendering.palette import Look, shares_of_maximum
 
 SUFFIXES = (".gif", ".mp4")
 FPS_LEAST, FPS_MOST = 0.1, 50.0  # the range of steps per second; a GIF cannot show more
+LONGEST_REASON = 100  # characters
+SHOWN_FROM = 0.05  # the share of a map's maximum from which a cell is never cropped away
 SMOOTH = 25.0  # pictures per second of smooth motion
 LOSSLESS = ["-c:v", "libx264rgb", "-qp", "0", "-preset", "ultrafast"]
 EVEN = "scale=ceil(iw/2)*2:ceil(ih/2)*2,format=yuv420p"  # as MP4 requires
@@ -30,24 +34,65 @@ PALETTE = "[0]palettegen[palette];[1][palette]paletteuse=dither=none:diff_mode=r
 def write_video(
     path: Path, frames: Iterable[Frame], look: Look, *, title: str, fps: float, hold: float
 ) -> None:
-    """Write the frames of consecutive steps as a smooth `Film`; `fps` is in steps per second.
+    """Write the frames of consecutive steps as a smooth film; `fps` is in steps per second.
+
+    The map is cropped to where something happens. A long title is cut to its first sentence.
 
     The frames are taken after all checks; see `write_pictures`.
     """
-    from DroneSwarmSearch.rendering.film import Film
+    from DroneSwarmSearch.rendering.painter import Painter
 
     per_step = max(1, round(SMOOTH / fps))
 
     def pictures() -> Iterator[NDArray[np.uint8]]:
-        played = list(frames)
-        film = Film(played, look, title=title)
-        yield film.pixels(played[0])
+        played = cropped(list(frames))
+        reason = title
+        if len(title) > LONGEST_REASON:
+            reason = title.removesuffix(".").partition(". ")[0] + "."
+        painter = Painter(played[0].grid_size, look, view="film", reason=reason)
+        yield painter.pixels(played[0])
         for frame, following in itertools.pairwise(played):
             for part in range(1, per_step):
-                yield film.pixels(frame, towards=following, progress=part / per_step)
-            yield film.pixels(following)
+                yield painter.pixels(frame, towards=following, progress=part / per_step)
+            yield painter.pixels(following)
 
     write_pictures(path, pictures(), fps=fps * per_step, hold=hold)
+
+
+def cropped(frames: Sequence[Frame]) -> list[Frame]:
+    """The frames of an episode on the smallest square grid that holds all that is seen in them."""
+    likely = [shares_of_maximum(frame.matrix) > SHOWN_FROM for frame in frames]
+    cells = [np.argwhere(np.any(likely, axis=0))[:, ::-1]]
+    for frame in frames:
+        cells += [np.array(places).reshape(-1, 2) for places in (frame.drones, frame.persons)]
+    low = np.vstack(cells).min(axis=0)
+    high = np.vstack(cells).max(axis=0)
+    most = frames[0].grid_size
+    size = min(int((high - low).max()) + 3, most)
+    left, top = np.clip((low + high - size + 1) // 2, 0, most - size).tolist()
+    return [_part(frame, left, top, size) for frame in frames]
+
+
+def _part(frame: Frame, left: int, top: int, size: int) -> Frame:
+    """A frame on the square part of its grid that begins in the column `left` and the row `top`."""
+    rows = slice(top, top + size)
+    columns = slice(left, left + size)
+    prior = frame.prior
+    if prior is not None:
+        prior = prior[rows, columns]
+
+    def moved(cells: Iterable[Cell]) -> tuple[Cell, ...]:
+        return tuple((x - left, y - top) for x, y in cells)
+
+    return replace(
+        frame,
+        matrix=frame.matrix[rows, columns],
+        prior=prior,
+        drones=moved(frame.drones),
+        persons=moved(frame.persons),
+        trails=tuple(moved(trail) for trail in frame.trails),
+        searched=tuple((x - left, y - top, age) for x, y, age in frame.searched),
+    )
 
 
 def write_pictures(

@@ -68,8 +68,6 @@ class SearchBatch:
             from (0, 0), row by row.
         sampler: draws a catalogue of 256 searches, and a new one after every 1,024 episodes, see
             `Sampler`.
-        wants_table: keep the matrices of all forecasts and steps in one table. Only for one
-            person, without `bayesian_update`.
         finds_last: False simulates searches that never find a search's last missing person,
             although they may find the others.
 
@@ -96,12 +94,10 @@ class SearchBatch:
         situation: ArrayLike | None = None,
         drones_positions: ArrayLike | None = None,
         sampler: Sampler | None = None,
-        wants_table: bool = False,
         finds_last: bool = True,
         **parameters: Any,
     ) -> None:
         self.num_rows = rows = checks.integer("num_rows", num_rows, 1)
-        checks.boolean("wants_table", wants_table)
         checks.boolean("finds_last", finds_last)
         if sampler is not None and situations is not None:
             raise ValueError("sampler cannot be given together with situations")
@@ -111,11 +107,6 @@ class SearchBatch:
             scenarios = _scenarios_of(scenario, situations)
             # An error if the scenario has other values of what each Person has.
             dataclasses.replace(scenario, persons=scenarios[0].persons)
-        if wants_table and (scenario.bayesian_update or len(scenarios[0].persons_to_find) > 1):
-            raise ValueError(
-                "there is no table of matrices (write_matrices=False) with bayesian_update or "
-                "several persons"
-            )
         n = scenario.n_drones
         self._sampler = sampler
         self._rng = np.random.default_rng()  # of the sampler
@@ -132,7 +123,7 @@ class SearchBatch:
         self._counters: Words = np.zeros((4, rows), np.uint64)  # stream keys plus episodes
         self._seeded = np.zeros(rows, np.bool_)
         self._changing = False  # stays True after an interrupted step or reset
-        self._world = BatchState(Catalogue(scenarios, complete=wants_table), rows, finds_last)
+        self._world = BatchState(Catalogue(scenarios), rows, finds_last)
         if situation is not None:
             self._situation = checks.integers("situation", situation, rows, 0, len(scenarios) - 1)
             self._world.situation[:] = self._situation
@@ -459,19 +450,6 @@ class SearchBatch:
         A row may occur several times.
         """
         return self._world.probabilities(self._rows[np.asarray(rows)], np.asarray(cells))
-
-    @property
-    def table(self) -> Singles:
-        """The table of matrices, which all rows share: float32, (entries, N, N); read-only.
-
-        Only with `wants_table`. Another catalogue makes a new table.
-        """
-        return self._world.catalogue.forecasts.table
-
-    @property
-    def table_index(self) -> Ints:
-        """The entry of `table` that is the matrix of each row: int64, (E,)."""
-        return self._world.table_index
 
 
 def _scenarios_of(

@@ -22,7 +22,7 @@ class BatchObservations:
 
     Args:
         joint: whether a sub-environment is a whole swarm.
-        write_matrices: False writes indices into the table in place of matrices.
+        top_cells: of the layout "top-cells".
         masks: None for observations without action masks; otherwise whether these have right of
             way.
 
@@ -34,9 +34,9 @@ class BatchObservations:
         self,
         batch: SearchBatch,
         name: str,
+        *,
         joint: bool,
-        top_cells: int,
-        write_matrices: bool,
+        top_cells: int = TOP_CELLS,
         masks: bool | None = None,
     ) -> None:
         scenario = batch.scenario_of(0)
@@ -55,12 +55,6 @@ class BatchObservations:
         self.space: spaces.Space[Any] = self._layout.space
         if self._stacks:
             self.space = batch_space(self.space, scenario.n_drones)
-        self._positions = None  # the array for positions, if no matrices are written
-        if not write_matrices:
-            self._positions = "positions" if joint else "position"
-            index = spaces.Box(0, np.iinfo(np.int32).max, (), np.int64)
-            positions = self.space[self._positions]  # type: ignore[index]  # a Dict
-            self.space = spaces.Dict({self._positions: positions, "matrix_index": index})
         if masks is not None:
             mask = mask_space(scenario.n_drones if joint else None)
             self.space = spaces.Dict({"observation": self.space, "action_mask": mask})
@@ -83,10 +77,6 @@ class BatchObservations:
             masks = action_masks(cells, self._size, self._masks)
             out["action_mask"][...] = masks.reshape(out["action_mask"].shape)
             out = out["observation"]
-        if self._positions is not None:
-            out[self._positions][...] = positions.reshape(out[self._positions].shape)
-            out["matrix_index"][...] = batch.table_index[which].repeat(self._each)
-            return
         if rows is None and self._shows_matrices:  # saves a copy
             out["positions"][...] = positions
             batch.write_matrices(out["probability_matrix"])

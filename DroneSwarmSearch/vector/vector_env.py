@@ -14,7 +14,7 @@ from gymnasium.vector.utils import batch_space, iterate
 from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
 from DroneSwarmSearch.core.frame import Frame
@@ -35,7 +35,7 @@ _OPTIONS = ("situations", "situation", "drones_positions")
 """The options of `reset` that `SearchBatch.reset` takes."""
 
 
-@shows_keywords_of(SearchBatch, "num_rows", "wants_table", "finds_last")
+@shows_keywords_of(SearchBatch, "num_rows", "finds_last")
 class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     """What both vector environments share; `SwarmVectorEnv` describes it."""
 
@@ -59,7 +59,6 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         *,
         observation: str = "dict",
         top_cells: int = TOP_CELLS,
-        write_matrices: bool = True,
         action_mask: str | None = None,
         right_of_way: bool = False,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
@@ -78,13 +77,6 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
                 f"top_cells belongs to observation='top-cells', got {top_cells} with "
                 f"observation={observation!r}"
             )
-        has_sampler = parameters.get("sampler") is not None
-        checks.boolean("write_matrices", write_matrices)
-        if not write_matrices and (observation != "dict" or has_sampler):
-            raise ValueError(
-                "write_matrices=False needs observation='dict', and no sampler, got "
-                f"observation={observation!r}"
-            )
         self._mask = checks.choice("action_mask", action_mask, MASKS_IN)
         self.right_of_way = checks.boolean("right_of_way", right_of_way)
         self.autoreset_mode = self._mode = AutoresetMode(autoreset_mode)  # TorchRL reads it
@@ -93,7 +85,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self._scale = checks.positive("reward_scale", reward_scale)
         self.render_mode = checks.choice("render_mode", render_mode, (None, "ansi", "rgb_array"))
 
-        self.batch = SearchBatch(swarms, wants_table=not write_matrices, **parameters)
+        self.batch = SearchBatch(swarms, **parameters)
         scenario = self.batch.scenario_of(0)
         self._size, drones = scenario.grid_size, scenario.n_drones
         self._display = Display(self._size, fps=self.metadata["render_fps"])
@@ -101,7 +93,11 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.num_envs = swarms * self._each
         masks = self.right_of_way if self._mask == "observation" else None
         self._observations = BatchObservations(
-            self.batch, observation, self._joint, top_cells, write_matrices, masks
+            self.batch,
+            observation,
+            joint=self._joint,
+            top_cells=top_cells,
+            masks=masks,
         )
         self.single_observation_space = self._observations.space
         self.single_action_space = (
@@ -260,14 +256,6 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         masks = action_masks(self.batch.cells, self._size, right_of_way)
         return masks.reshape(self.num_envs, -1)
 
-    @property
-    def matrices(self) -> Singles:
-        """The table that `matrix_index` refers to: float32, (entries, N, N); read-only.
-
-        Only with write_matrices=False. A reset with other situations makes a new table.
-        """
-        return self.batch.table
-
     # Input.
 
     def _rows_of(self, mask: ArrayLike | None) -> Ints:
@@ -354,8 +342,7 @@ class SwarmVectorEnv(SearchVectorEnv):
     Observations of each swarm:
 
     - "dict": `positions`, every drone's (x, y), int32, shape (n_drones, 2), and
-      `probability_matrix`, float32, (N, N), indexed [y, x]. With write_matrices=False,
-      `matrix_index` replaces the matrix.
+      `probability_matrix`, float32, (N, N), indexed [y, x].
     - "flat": every drone's x and y, scaled to the grid; the remaining share of the steps, 1 at
       the start; the matrix row by row, scaled to a maximum of 1: float32,
       (2 n_drones + 1 + N²,).
@@ -387,9 +374,6 @@ class SwarmVectorEnv(SearchVectorEnv):
         observation: the layout: "dict", or "flat", "planes", "top-cells" or "crops", which
             are single float32 arrays.
         top_cells: the number of cells in the layout "top-cells"; from 1 to grid_size².
-        write_matrices: False observes, in place of each matrix, its index in the table
-            `matrices` that all swarms share. Only for one person, without `bayesian_update`,
-            without a `sampler`, and with observation="dict".
         action_mask: where the masks of valid actions are, see `wrappers.action_masks`. With
             "observation", every observation is {"observation": the layout's, "action_mask":
             int8, (n_drones, 6)}. With "info", they are an info. With None, only the method
@@ -447,8 +431,8 @@ class DroneVectorEnv(SearchVectorEnv):
 
     Observations of each drone:
 
-    - "dict": `position`, its (x, y), int32, shape (2,), and `probability_matrix` or
-      `matrix_index`, as in `SwarmVectorEnv`.
+    - "dict": `position`, its (x, y), int32, shape (2,), and `probability_matrix`, as
+      in `SwarmVectorEnv`.
     - "flat": its x and y, then those of the other drones, and the rest as in `SwarmVectorEnv`.
     - "planes": the matrix, scaled to a maximum of 1; the drone itself; the other drones (1 at
       their cells); the remaining share of the steps in every cell: float32, (4, N, N).

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, uniforms, uniforms_of
 from DroneSwarmSearch.core.rules import COVERED_AT
@@ -26,7 +25,6 @@ class Catalogue:
         scenarios: the searches, all with the same number of persons.
         old: searches that episodes under way have, but new ones do not draw.
         cells: the drones' start cells in each search, (searches, n_drones), if they are its own.
-        complete: make the table of matrices for all steps at once.
 
     Attributes:
         choices: the number of searches that new episodes draw from.
@@ -42,15 +40,13 @@ class Catalogue:
         scenarios: Sequence[Scenario],
         old: Sequence[Scenario] = (),
         cells: Ints | None = None,
-        complete: bool = False,
     ) -> None:
         self.scenarios, self.choices = (*scenarios, *old), len(scenarios)
-        self.cells, self.complete = cells, complete
-        size, limit = scenarios[0].grid_size, scenarios[0].timestep_limit
+        self.cells = cells
         self.forecasts, indices = forecasts_of(
             [model for scenario in self.scenarios for model in scenario.forecasts()],
-            last=limit,
-            keeps_matrices=complete or not scenarios[0].bayesian_update,
+            last=scenarios[0].timestep_limit,
+            keeps_matrices=not scenarios[0].bayesian_update,
         )
         self.forecast_of: Ints = indices.reshape(len(self.scenarios), -1).T.copy()
         detections = np.array([scenario.detections for scenario in self.scenarios])
@@ -59,11 +55,7 @@ class Catalogue:
         steps = range(max(len(one.survival or [1]) for persons in situations for one in persons))
         alive = [[[*map(person.alive, steps)] for person in persons] for persons in situations]
         self.alive: Floats = np.array(alive)
-        if complete:
-            what = f"the table of matrices for {self.forecasts.count} different forecasts"
-            needed = self.forecasts.step_bytes * (limit + 1)
-            checks.fits(what, needed, grid_size=size, timestep_limit=limit)
-        self.forecasts.reach(limit if complete else 0)
+        self.forecasts.reach(0)
 
 
 class BatchState:
@@ -124,7 +116,7 @@ class BatchState:
         """A catalogue for `use` that keeps the searches of episodes other than those starting."""
         going = np.delete(self.situation, starting)
         old = [self.catalogue.scenarios[number] for number in np.unique(going)]
-        return Catalogue(scenarios, old, cells, self.catalogue.complete)
+        return Catalogue(scenarios, old, cells)
 
     def use(self, catalogue: Catalogue, starting: Ints) -> None:
         """Use a catalogue from `extended`."""
@@ -212,12 +204,6 @@ class BatchState:
     def person_cells(self) -> Ints:
         """Every person's cell, y * N + x: int64, (persons, rows)."""
         return self.catalogue.forecasts.cells(self._states, self._entries)
-
-    @property
-    def table_index(self) -> Ints:
-        """The entry of each row's only person in the catalogue's table: int64, (rows,)."""
-        entries: Ints = self._entries[0].copy()
-        return entries
 
     # The matrices.
 
