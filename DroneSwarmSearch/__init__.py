@@ -8,11 +8,11 @@ import gymnasium
 from DroneSwarmSearch._internal.errors import ResetNeeded
 from DroneSwarmSearch.core.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.drift.hypotheses import Drift
-from DroneSwarmSearch.drift.persons import Person
-from DroneSwarmSearch.drift.scale import Scale
-from DroneSwarmSearch.drift.tracks import Tracks
 from DroneSwarmSearch.env import DroneSwarmSearch, parallel_env
+from DroneSwarmSearch.geo.scale import Scale
+from DroneSwarmSearch.persons.hypotheses import Drift
+from DroneSwarmSearch.persons.person import Person
+from DroneSwarmSearch.persons.tracks import Tracks
 
 __all__ = [
     "Action",
@@ -34,10 +34,21 @@ __version__ = "1.0.0"
 _SUBMODULES = {
     name: name
     for name in (
-        *("drift", "drone_swarm_search_v0", "evaluation", "incident", "planning", "policies"),
-        *("rendering", "single_drone_env", "training", "vector", "wrappers"),
+        "drift",
+        "drone_swarm_search_v0",
+        "evaluation",
+        "geo",
+        "incident",
+        "persons",
+        "planning",
+        "policies",
+        "rendering",
+        "single_drone_env",
+        "training",
+        "vector",
+        "wrappers",
     )
-} | {name: f"drift.{name}" for name in ("detection", "leeway", "priors", "survival")}
+} | {name: f"persons.{name}" for name in ("detection", "leeway", "priors", "survival")}
 
 
 if "DroneSwarmSearch-v0" not in gymnasium.registry:  # it is there after a reload

@@ -30,7 +30,7 @@ from DroneSwarmSearch.core.observations import (
 from DroneSwarmSearch.core.rules import Action, Ending, RewardScheme
 from DroneSwarmSearch.core.scenario import Scenario, resolve_scenario
 from DroneSwarmSearch.core.world import WorldState
-from DroneSwarmSearch.drift.persons import Person
+from DroneSwarmSearch.persons.person import Person
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.palette import PALETTES, Look
 

@@ -234,7 +234,7 @@ class LeewayClasses(Directive):
 
     def run(self) -> list[nodes.Node]:
         lines = [".. csv-table::", "   :header: Key, Object, Downwind, Crosswind", ""]
-        for kind in DroneSwarmSearch.drift.leeway.CLASSES.values():
+        for kind in DroneSwarmSearch.persons.leeway.CLASSES.values():
             at_10 = kind.speeds(10)
             cells = (
                 f"``{kind.name}``",

@@ -14,8 +14,23 @@ BEGIN, END = "<!-- package: python docs/make_design.py -->\n```\n", "```\n<!-- /
 
 # The rooms, each of which imports only those above it.
 ROOMS = [
-    *("_internal", "drift", "core", "rendering", "layouts", "vector", "bound", "planning"),
-    *("policies", "adapters", "evaluation", "training", "incident", "commands"),
+    "_internal",
+    "geo",
+    "persons",
+    "drift",
+    "core",
+    "rendering",
+    "layouts",
+    "vector",
+    "paths",
+    "bound",
+    "planning",
+    "policies",
+    "adapters",
+    "evaluation",
+    "training",
+    "incident",
+    "commands",
 ]
 
 IN_BETWEEN = "env", "wrappers", "single_drone_env"

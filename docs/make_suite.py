@@ -22,8 +22,8 @@ from typing import Any
 
 from DroneSwarmSearch import Drift, Person, Scale, detection, leeway, priors
 from DroneSwarmSearch.core.grid import Cell
-from DroneSwarmSearch.drift.leeway import KNOT, current_towards, wind_from
 from DroneSwarmSearch.evaluation import suite
+from DroneSwarmSearch.geo import KNOT, current_towards, wind_from
 
 FILE = Path(suite.__file__).with_name("suite_v2.json")
 VERSION = "v2"

@@ -30,8 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch import Drift, Person, Scale, Tracks
-from DroneSwarmSearch.drift.leeway import current_towards, wind_from
 from DroneSwarmSearch.evaluation import evaluate, share_found, suite
+from DroneSwarmSearch.geo import current_towards, wind_from
 from DroneSwarmSearch.policies import make
 
 FOLDER = Path(suite.__file__).parent

@@ -126,7 +126,7 @@ class ExpectedSearches:
         detections = self._detections[search]
         columns = np.arange(len(self._numbers)).reshape(-1, len(self.cells))[:, search]
         cells = np.broadcast_to(self.cells[search, drone], columns.shape)
-        where = slice(None), self._forecasts.places(self._numbers[columns], cells), columns
+        where = slice(None), self._forecasts.slots(self._numbers[columns], cells), columns
         before = self._beliefs[where]  # [layer, person, search]; no two drones are in one cell
         rewards[search, drone] = detections * before.sum(axis=(0, 1))
         self._beliefs[where] = (1.0 - detections) * before

@@ -21,8 +21,8 @@ import compare_with_opendrift as opendrift
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import leeway
-from DroneSwarmSearch.drift.plane import EQUATOR
+from DroneSwarmSearch import geo, leeway
+from DroneSwarmSearch.geo.plane import EQUATOR
 from DroneSwarmSearch.incident import FlightPlan, Incident
 
 Floats = NDArray[np.float64]
@@ -38,8 +38,8 @@ def random_incident(rng: np.random.Generator) -> Incident:
         time=time,
         start=time + timedelta(seconds=math.exp(rng.uniform(math.log(600), math.log(6 * 3600)))),
         object_class=str(rng.choice(list(leeway.CLASSES))),
-        wind=leeway.wind_from(rng.uniform(0, 360), rng.uniform(2, min(22, 0.65 * speed))),
-        current=leeway.current_towards(rng.uniform(0, 360), rng.uniform(0, 0.8)),
+        wind=geo.wind_from(rng.uniform(0, 360), rng.uniform(2, min(22, 0.65 * speed))),
+        current=geo.current_towards(rng.uniform(0, 360), rng.uniform(0, 0.8)),
         wind_error=0,
         current_error=0,
         position_sd=float(rng.choice([100, 500, 926])),

@@ -18,7 +18,7 @@ from typing import Any
 import netCDF4
 import numpy as np
 
-from DroneSwarmSearch.drift.plane import TangentPlane
+from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.incident import Incident
 
 MIDDLE = 54.2, 7.9

@@ -38,12 +38,12 @@ from torch import nn
 from training_script import begin
 
 from DroneSwarmSearch import Action, Scenario, training
-from DroneSwarmSearch.bound.paths import Path as DronePath
 from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.evaluation import evaluate, search
 from DroneSwarmSearch.layouts.masks import choose_in_turn
-from DroneSwarmSearch.planning.joint_plan import JointPlan
-from DroneSwarmSearch.planning.passes import Target
+from DroneSwarmSearch.paths.best_paths import DronePath
+from DroneSwarmSearch.paths.joint_plan import JointPlan
+from DroneSwarmSearch.paths.passes import Target
 from DroneSwarmSearch.policies.arrivals import BASELINE, INPUTS, TURNS, VIEWS
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.imitation import ImitationPolicy, Network

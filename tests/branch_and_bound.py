@@ -11,9 +11,9 @@ from itertools import product
 import numpy as np
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch.bound.paths import values_to_go
 from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.evaluation import NamedSearch
+from DroneSwarmSearch.paths.best_paths import values_to_go
 
 
 def best_success(of: NamedSearch) -> float:

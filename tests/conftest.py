@@ -10,7 +10,7 @@ from hypothesis import settings
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from DroneSwarmSearch.incident import choice, flight_plan, planned_flights
-from DroneSwarmSearch.planning import joint_plan
+from DroneSwarmSearch.paths import joint_plan
 
 # The same examples in each run; `--hypothesis-profile explore` draws others, and more of them.
 settings.register_profile("same", deadline=None, derandomize=True)

@@ -11,11 +11,12 @@ from branch_and_bound import best_success
 from helpers import inside, target_of
 
 from DroneSwarmSearch import Action, Scenario
-from DroneSwarmSearch.bound.paths import Path
-from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.planning.joint_plan import JointPlan
-from DroneSwarmSearch.planning.passes import Target
+from DroneSwarmSearch.paths.best_paths import DronePath
+from DroneSwarmSearch.paths.joint_plan import JointPlan
+from DroneSwarmSearch.paths.passes import Target
+from DroneSwarmSearch.persons import Drift, Person
 from DroneSwarmSearch.policies import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
@@ -192,10 +193,10 @@ def fly(policy, tracker, cells, steps):
         positions.append(ahead)
         searches.append([action == Action.SEARCH for action in actions])
     numbers = np.array(positions) @ [1, size]
-    return [Path(*path) for path in zip(numbers.T, np.array(searches).T, strict=True)]
+    return [DronePath(*path) for path in zip(numbers.T, np.array(searches).T, strict=True)]
 
 
-def paths_of(policy: SwarmPolicy, of: NamedSearch) -> list[Path]:
+def paths_of(policy: SwarmPolicy, of: NamedSearch) -> list[DronePath]:
     """Return the paths of a policy's drones in an episode without a find."""
     return fly(policy, BeliefTracker(of.scenario), of.drones, of.scenario.timestep_limit)
 
@@ -239,7 +240,7 @@ def all_trajectories(forecast: ProbabilityMatrix, steps: int) -> tuple[np.ndarra
     return np.array(paths), np.array(probabilities)
 
 
-def schedule_of(paths: Sequence[Path]) -> list[list[int]]:
+def schedule_of(paths: Sequence[DronePath]) -> list[list[int]]:
     """The cells that some paths search in each step."""
     return [
         [int(path.cells[step]) for path in paths if path.searches[step]]
@@ -247,7 +248,7 @@ def schedule_of(paths: Sequence[Path]) -> list[list[int]]:
     ]
 
 
-def assert_legal(paths: Sequence[Path], starts: Sequence[int], size: int) -> None:
+def assert_legal(paths: Sequence[DronePath], starts: Sequence[int], size: int) -> None:
     """Check the start cells, single-cell moves, searches without moves, and distinct cells."""
     assert [path.cells[0] for path in paths] == list(starts)
     cells = np.array([path.cells for path in paths])

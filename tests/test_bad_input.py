@@ -23,9 +23,10 @@ from DroneSwarmSearch import (
     Scenario,
     Tracks,
 )
-from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.layouts.masks import action_masks
+from DroneSwarmSearch.persons import Drift
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.drift import Drift, ProbabilityMatrix
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.belief import Belief
+from DroneSwarmSearch.persons import Drift
 
 
 def four_cells(detection: float) -> Belief:

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from small_searches import uncertain_persons
 
-from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
+from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.persons import Drift, Person
 
 
 @st.composite

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from DroneSwarmSearch.geo.fields import Field
 from DroneSwarmSearch.incident import Incident, chart
-from DroneSwarmSearch.incident.fields import Field
 
 nc = pytest.importorskip("netCDF4")
 

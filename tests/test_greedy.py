@@ -6,7 +6,7 @@ from helpers import target_of
 from small_searches import observations, paths_of, search, success_of
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Scenario
-from DroneSwarmSearch.drift import Drift, Person
+from DroneSwarmSearch.persons import Drift, Person
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import (
     DISCOUNT,

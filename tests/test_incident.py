@@ -20,10 +20,10 @@ from test_track_files import NOON, write
 from DroneSwarmSearch import Scenario, leeway
 from DroneSwarmSearch.cli import main
 from DroneSwarmSearch.commands.plan import summary
-from DroneSwarmSearch.drift.leeway import KNOT, current_towards, wind_from
-from DroneSwarmSearch.drift.plane import TangentPlane
 from DroneSwarmSearch.evaluation import evaluate
-from DroneSwarmSearch.incident import FlightPlan, Incident, units
+from DroneSwarmSearch.geo import KNOT, current_towards, units, wind_from
+from DroneSwarmSearch.geo.plane import TangentPlane
+from DroneSwarmSearch.incident import FlightPlan, Incident
 from DroneSwarmSearch.incident.flights import up_to_the_minute
 from DroneSwarmSearch.incident.patterns import KINDS, PARALLEL, SECTOR, SQUARE, Pattern
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from DroneSwarmSearch import Drift, Person, Scale, leeway
+from DroneSwarmSearch import Drift, Person, Scale, geo, leeway
 
 NAN, INF = math.nan, math.inf
 SCALE = Scale(130, 13)
@@ -229,13 +229,11 @@ def test_a_series_is_linear_between_its_times():
 
 def test_directions_as_they_are_reported():
     """Winds come from a direction, currents go to one; degrees run clockwise from north."""
-    assert leeway.wind_from(0, 10) == pytest.approx((0, -10))
-    assert leeway.wind_from(270, 10) == pytest.approx((10, 0))
-    assert leeway.current_towards(90, 2) == pytest.approx((2, 0))
-    assert leeway.current_towards(-135, 2 * leeway.KNOT) == pytest.approx(
-        (-0.7275, -0.7275), abs=1e-4
-    )
-    assert pytest.approx(1.852) == leeway.KNOT * 3.6
+    assert geo.wind_from(0, 10) == pytest.approx((0, -10))
+    assert geo.wind_from(270, 10) == pytest.approx((10, 0))
+    assert geo.current_towards(90, 2) == pytest.approx((2, 0))
+    assert geo.current_towards(-135, 2 * geo.KNOT) == pytest.approx((-0.7275, -0.7275), abs=1e-4)
+    assert pytest.approx(1.852) == geo.KNOT * 3.6
 
 
 def test_a_forecast_beyond_the_grid_is_warned_of():
@@ -296,8 +294,8 @@ def test_bad_persons_are_rejected(changes, error, message):
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: leeway.wind_from("SW", 10), TypeError, "direction must .*got 'SW'"),
-        (lambda: leeway.current_towards(90, -1), ValueError, "speed must .*at least 0, got -1"),
+        (lambda: geo.wind_from("SW", 10), TypeError, "direction must .*got 'SW'"),
+        (lambda: geo.current_towards(90, -1), ValueError, "speed must .*at least 0, got -1"),
         (lambda: leeway.CLASSES["PIW-1"].speeds(-1), ValueError, "wind_speed must .*got -1"),
         (lambda: leeway.ObjectClass("A", "", (1, 2), (), ()), ValueError, "downwind must be three"),
     ],

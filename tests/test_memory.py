@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from DroneSwarmSearch.bound.memory import RememberingDrones
-from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.bound.trajectories import Trajectories
 from DroneSwarmSearch.core.grid import MOVES
+from DroneSwarmSearch.paths.best_paths import DronePath
 
 Floats = np.ndarray
 Case = tuple[Trajectories, float, int, np.random.Generator]
@@ -20,7 +20,7 @@ SIZE, STEPS = 3, 4
 
 
 @cache
-def every_path(start: int) -> list[Path]:
+def every_path(start: int) -> list[DronePath]:
     """Every path without idling that stays in the grid."""
     paths = []
     for actions in product(range(5), repeat=STEPS):
@@ -33,17 +33,17 @@ def every_path(start: int) -> list[Path]:
             cells.append((y + dy) * SIZE + x + dx)
             searches.append(action == 4)
         else:
-            paths.append(Path(np.array(cells), np.array(searches)))
+            paths.append(DronePath(np.array(cells), np.array(searches)))
     return paths
 
 
-def looks(path: Path, cells: Floats) -> Floats:
+def looks(path: DronePath, cells: Floats) -> Floats:
     """Whether a path searches each trajectory in each step: shape (T, M)."""
     steps = len(path.searches)
     return path.searches[:, None] & (path.cells[:steps, None] == cells[:steps])
 
 
-def collected_by_hand(path: Path, cells: Floats, detection: float, memory: int) -> Floats:
+def collected_by_hand(path: DronePath, cells: Floats, detection: float, memory: int) -> Floats:
     """The credits and searches along each trajectory, from their definition."""
     total, each = np.zeros((2, cells.shape[1])), looks(path, cells)
     for step, now in enumerate(each):

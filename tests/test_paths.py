@@ -4,7 +4,7 @@ import hypothesis.strategies as st
 import numpy as np
 from hypothesis import given, settings
 
-from DroneSwarmSearch.bound.paths import FORBIDDEN, best_paths, values_to_go
+from DroneSwarmSearch.paths.best_paths import FORBIDDEN, best_paths, values_to_go
 
 Board = tuple[np.ndarray, np.ndarray, np.ndarray, list[list[int]]]
 

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Scenario
 from DroneSwarmSearch.core.grid import Cell
-from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
+from DroneSwarmSearch.drift import ProbabilityMatrix
+from DroneSwarmSearch.persons import Drift, Person
 from DroneSwarmSearch.policies.datum import Datum, datums_of
 from DroneSwarmSearch.policies.pattern_tracks import (
     Rectangle,

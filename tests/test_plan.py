@@ -19,11 +19,11 @@ from small_searches import (
     uncertain_persons,
 )
 
-from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.planning.joint_plan import JointPlan
-from DroneSwarmSearch.planning.passes import Passes
-from DroneSwarmSearch.planning.windows import Boxes, TargetWindow
+from DroneSwarmSearch.paths.best_paths import DronePath
+from DroneSwarmSearch.paths.joint_plan import JointPlan
+from DroneSwarmSearch.paths.passes import Passes
+from DroneSwarmSearch.paths.windows import Boxes, TargetWindow
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
 
@@ -32,7 +32,7 @@ def starts_of(of: NamedSearch) -> list[int]:
     return [y * of.scenario.grid_size + x for x, y in of.drones]
 
 
-def random_paths(of: NamedSearch, steps: int, seed: int) -> list[Path]:
+def random_paths(of: NamedSearch, steps: int, seed: int) -> list[DronePath]:
     """Legal paths that search in about every other step."""
     rng, size = random.Random(seed), of.scenario.grid_size
 
@@ -43,7 +43,7 @@ def random_paths(of: NamedSearch, steps: int, seed: int) -> list[Path]:
 
 
 @st.composite
-def plans(draw: st.DrawFn, most_steps: int = 4) -> tuple[NamedSearch, list[Path], np.ndarray]:
+def plans(draw: st.DrawFn, most_steps: int = 4) -> tuple[NamedSearch, list[DronePath], np.ndarray]:
     """A search with legal paths, and the value of a find in each step."""
     size = draw(st.integers(2, 4))
     cells = [(x, y) for y in range(size) for x in range(size)]
@@ -78,8 +78,8 @@ def test_annealing_keeps_paths_legal_and_values_exact(plan_of, seed, heat):
     plan = JointPlan(targets_of(of, worth=worth), 0, paths)
     value, fractions = plan.value(), []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("DroneSwarmSearch.planning.joint_plan.TRIES", ((heat, 1.0), (0.1, 0.5)))
-        plan.anneal(0.02, np.random.default_rng(seed), report=fractions.append)
+        patch.setattr("DroneSwarmSearch.paths.joint_plan.TRIES", ((heat, 1.0), (0.1, 0.5)))
+        plan.anneal(0.02, np.random.default_rng(seed), on_progress=fractions.append)
     assert plan.value() >= value - 1e-9
     assert plan.value() == pytest.approx(
         JointPlan(targets_of(of, worth=worth), 0, plan.paths).value(), abs=1e-12
@@ -98,7 +98,7 @@ def test_the_better_try_counts(monkeypatch):
     little, much = (0.1, 0.02), (0.1, 1.0)
 
     def found(*tries: tuple[float, float]) -> float:
-        monkeypatch.setattr("DroneSwarmSearch.planning.joint_plan.TRIES", tries)
+        monkeypatch.setattr("DroneSwarmSearch.paths.joint_plan.TRIES", tries)
         plan = JointPlan(targets_of(of, worth=np.ones(24)), 0, random_paths(of, 24, 0))
         plan.anneal(0.3, np.random.default_rng(0))
         return plan.value()
@@ -148,7 +148,7 @@ def test_a_path_meets_the_person_as_early_as_possible():
         [(3, 2)], grid_size=6, person_initial_position=(0, 0), vector=(1, 0),
         disperse_constant=0, timestep_limit=5, probability_of_detection=0.6,
     )  # fmt: skip
-    idle = Path(np.full(6, 15), np.zeros(5, np.bool_))
+    idle = DronePath(np.full(6, 15), np.zeros(5, np.bool_))
     plan = JointPlan(targets_of(of, worth=np.linspace(2, 1, 5)), 0, [idle])
     plan.anneal(0.1, np.random.default_rng(0))
     assert plan.value() == pytest.approx(0.6 * 1.25)

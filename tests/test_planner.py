@@ -20,8 +20,8 @@ from small_searches import (
     uncertain_persons,
 )
 
-from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.evaluation import NamedSearch
+from DroneSwarmSearch.paths.best_paths import DronePath
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import PosteriorGreedyPolicy
 from DroneSwarmSearch.policies.planner import PlannerPolicy
@@ -180,5 +180,5 @@ class TestReplanning:
         start = copy.deepcopy(tracker)
         paths = fly(policy, tracker, [cell], 19)
         assert plans_made == [0, 1]
-        staying = Path(np.full(20, likeliest), np.ones(19, bool))
+        staying = DronePath(np.full(20, likeliest), np.ones(19, bool))
         assert success_of(of, paths, start)[0] > success_of(of, [staying], start)[0] > belief.max()

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action, DroneSwarmSearch
-from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift import probability_matrix as module
+from DroneSwarmSearch.persons import Drift, Person
 
 VECTORS = [(0, 0), (0.3, -0.2), (3.5, -0.5), (-1e300, 7)]
 DIFFUSIONS = [0, 0.06, 2 / 3]

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending
-from DroneSwarmSearch.drift import Drift, ProbabilityMatrix, dispersion_rate
+from DroneSwarmSearch.drift import ProbabilityMatrix, dispersion_rate
+from DroneSwarmSearch.persons import Drift
 
 Cell = tuple[int, int]
 

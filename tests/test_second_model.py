@@ -14,9 +14,9 @@ from test_vector_engine import Twins
 from trainer_examples import module
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme, Scenario
-from DroneSwarmSearch.drift.hypotheses import Hypotheses
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.models import drift_model
+from DroneSwarmSearch.persons.hypotheses import Hypotheses
 from DroneSwarmSearch.planning import success_bound
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker

@@ -13,8 +13,9 @@ from DroneSwarmSearch.bound.trajectories import (
     enumerate_trajectories,
     sample_trajectories,
 )
-from DroneSwarmSearch.drift import Drift, Person, ProbabilityMatrix, Tracks
+from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.drift.models import drift_model
+from DroneSwarmSearch.persons import Drift, Person, Tracks
 
 
 class TestChernoff:

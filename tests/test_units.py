@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from DroneSwarmSearch.incident import units
+from DroneSwarmSearch.geo import units
 
 KNOT = 1852 / 3600
 

@@ -45,7 +45,6 @@ from DroneSwarmSearch.bound.frank_wolfe import frank_wolfe
 from DroneSwarmSearch.bound.memory import RememberingDrones
 from DroneSwarmSearch.bound.mirror_ascent import CHECKS, BestMixture, mirror_ascent
 from DroneSwarmSearch.bound.objectives import MarkovChainObjective, TrajectoryObjective
-from DroneSwarmSearch.bound.paths import best_paths, values_to_go
 from DroneSwarmSearch.bound.trajectories import (
     Trajectories,
     chernoff_bound,
@@ -55,6 +54,7 @@ from DroneSwarmSearch.bound.trajectories import (
 )
 from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
 from DroneSwarmSearch.drift.model import DriftModel
+from DroneSwarmSearch.paths.best_paths import best_paths, values_to_go
 
 SAMPLE = 2**18
 """Trajectories in a sample; with one person, sampling adds at most 0.4 percentage points."""

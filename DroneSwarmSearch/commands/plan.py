@@ -13,10 +13,10 @@ from typing import Any
 
 from DroneSwarmSearch._internal.extras import import_matplotlib
 from DroneSwarmSearch.commands.options import Once
-from DroneSwarmSearch.drift import leeway
+from DroneSwarmSearch.geo.flows import stronger
+from DroneSwarmSearch.geo.units import KNOT
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 from DroneSwarmSearch.incident.flights import up_to_the_minute
-from DroneSwarmSearch.incident.flows import stronger
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.plan_folder import INCIDENT, listed, try_plan_folder
 
@@ -194,7 +194,7 @@ def _changes(plan: FlightPlan) -> dict[str, dict[str, Any]]:
     }
     # Another wind would also have moved those whom earlier flights looked for.
     if incident.tracks is None and not isinstance(incident.wind, str) and not incident.flown:
-        wind = stronger(incident.wind, 5 * leeway.KNOT)
+        wind = stronger(incident.wind, 5 * KNOT)
         changes["A wind 5 kn stronger"] = {"wind": wind}
     return changes
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from DroneSwarmSearch.core.named_search import NamedSearch, read_json
-from DroneSwarmSearch.drift.persons import warn_of_mass_beyond
 from DroneSwarmSearch.evaluation.suite import search
 from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.persons.person import warn_of_mass_beyond
 
 
 def search_on_grid(name: str) -> NamedSearch:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.core.rules import Ending
-from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.geo.scale import Scale
 
 __all__ = ["Frame"]
 

@@ -17,9 +17,9 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import parsed_json, write_text
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.scenario import REPLACED, Scenario, checked_scenario
-from DroneSwarmSearch.drift.hypotheses import Hypotheses
-from DroneSwarmSearch.drift.persons import Person
-from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.geo.scale import Scale
+from DroneSwarmSearch.persons.hypotheses import Hypotheses
+from DroneSwarmSearch.persons.person import Person
 
 SEPARATOR = re.compile(r",\s+")  # of numbers in indented JSON
 

@@ -14,10 +14,10 @@ from DroneSwarmSearch._internal.arrays import Ints
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.rules import RewardScheme
 from DroneSwarmSearch.drift.axes import dispersion_rate
-from DroneSwarmSearch.drift.hypotheses import Drift
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.models import drift_model
-from DroneSwarmSearch.drift.persons import Person
+from DroneSwarmSearch.persons.hypotheses import Drift
+from DroneSwarmSearch.persons.person import Person
 
 _DRONE_BYTES = 900  # approximate memory of one drone during an episode, including its observations
 

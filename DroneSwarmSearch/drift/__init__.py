@@ -1,9 +1,7 @@
-"""Where a drifting person may be: persons, their drift models, and beliefs about them."""
+"""Drift models, which compute where persons may be, and beliefs about them."""
 
 from DroneSwarmSearch.drift.axes import dispersion_rate
-from DroneSwarmSearch.drift.hypotheses import Drift
-from DroneSwarmSearch.drift.persons import Person
+from DroneSwarmSearch.drift.models import drift_model
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
-from DroneSwarmSearch.drift.tracks import Tracks
 
-__all__ = ["Drift", "Person", "ProbabilityMatrix", "Tracks", "dispersion_rate"]
+__all__ = ["ProbabilityMatrix", "dispersion_rate", "drift_model"]

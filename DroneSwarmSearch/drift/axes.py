@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch._internal.erf import erf
-from DroneSwarmSearch.drift.hypotheses import Drift, Hypotheses, displaced, rate_at
+from DroneSwarmSearch.persons.hypotheses import Drift, Hypotheses, displaced, rate_at
 
 Array = NDArray[Any]
 Number = TypeVar("Number", float, Array)

@@ -22,21 +22,24 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch.drift.model import DriftModel, Forecasts
-from DroneSwarmSearch.drift.tracks import Tracks
+from DroneSwarmSearch.persons.tracks import Tracks
 
 
-class _Transitions(NamedTuple):
-    """The states at a step, and the transitions to the next one; states are numbers in flat mass.
+class CountedStep(NamedTuple):
+    """The states at a step, and the moves to the next one; states are numbers in flat mass.
 
     Attributes:
         states: in ascending order, (S,).
         mass: the probability of each.
-        first: the first transition of each, and the number of transitions: (S + 1,).
-        after: where each transition leads, in the order of the states: (E,).
+        first: the first move of each, and the number of moves: (S + 1,).
+        after: where each move leads, in the order of the states: (E,).
         sums: for each, its state's index plus the cumulative probability up to it.
-        sources, targets, chances: the transitions in the order of `forward`: one into each state,
-            the states with the most first; then a second one into those that have it, and so on.
-        into: the number of states with at least 1, 2, ... transitions into them.
+        sources: the states that the moves leave, in the order of `forward`: one move into each
+            state, the states with the most first; then a second one into those that have it, and so
+            on.
+        targets: where they lead, in this order.
+        chances: their probabilities, in this order.
+        into: the number of states with at least 1, 2, ... moves into them.
     """
 
     states: Ints
@@ -58,7 +61,10 @@ class Chain(DriftModel):
     """
 
     def __init__(self, tracks: Tracks, grid_size: int, fine: int, classes: int) -> None:
-        self.key = self._tracks, self.grid_size, self._fine, _ = tracks, grid_size, fine, classes
+        self.grid_size = grid_size
+        self._tracks = tracks
+        self._fine = fine
+        self.key = tracks, grid_size, fine, classes
         self._labels = _class_labels(tracks, classes)
         self.weights = _sums(self._labels, tracks.weights)
         visited = np.zeros(grid_size**2, np.bool_)
@@ -66,9 +72,10 @@ class Chain(DriftModel):
             x, y = fine_cells(tracks.positions[step], grid_size, 1)
             visited[y * grid_size + x] = True
         self.kept_cells = visited.nonzero()[0]
-        self._shape = len(self.weights) * fine**2, *super().state_shape[1:]
+        _, rows, columns = super().state_shape
+        self._shape = (len(self.weights) * fine**2, rows, columns)
         self._at = lru_cache(maxsize=1)(self._states_at)  # for the next step's table
-        self._steps: dict[int, _Transitions] = {}
+        self._steps: dict[int, CountedStep] = {}
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self), self.key
@@ -82,7 +89,7 @@ class Chain(DriftModel):
     # The forecast, and the steps of a distribution.
 
     def joint(self, step: int) -> Floats:
-        now = self.transitions(step)
+        now = self.counted(step)
         joint = np.zeros(self._shape)
         joint.reshape(-1)[now.states] = now.mass
         return joint
@@ -92,13 +99,13 @@ class Chain(DriftModel):
 
     def after(self, flat: Floats, step: int) -> Floats:
         """`forward` of flat mass."""
-        now = self.transitions(step)
+        now = self.counted(step)
         flow = flat.take(now.sources)
         flow *= now.chances
         return _sums(now.targets, flow, flat.size)
 
     def backward(self, value: Floats, step: int) -> Floats:
-        now = self.transitions(step)
+        now = self.counted(step)
         flow = value.reshape(-1).take(now.targets)
         flow *= now.chances
         return _sums(now.sources, flow, value.size).reshape(self._shape)
@@ -110,29 +117,34 @@ class Chain(DriftModel):
     ) -> list[int]:
         path = []
         for draw in draws_x:
-            now = self.transitions(step)
+            now = self.counted(step)
             number = int(now.states.searchsorted(state))
-            first, end = now.first[number], now.first[number + 1]
-            state = int(now.after[bisect_right(now.sums, number + draw, first, end - 1)])
+            first = now.first[number]
+            last = now.first[number + 1] - 1
+            chosen = bisect_right(now.sums, number + draw, first, last)
+            state = int(now.after[chosen])
             path.append(state)
             step += 1
         return path
 
     def moved(self, states: Ints, step: int, draws_x: Floats, draws_y: Floats) -> Ints:
-        now = self.transitions(step)
-        indices = now.states.searchsorted(states)
-        chosen = now.sums.searchsorted(indices + draws_x, side="right")
-        after: Ints = now.after[np.clip(chosen, now.first[indices], now.first[indices + 1] - 1)]
+        now = self.counted(step)
+        numbers = now.states.searchsorted(states)
+        chosen = now.sums.searchsorted(numbers + draws_x, side="right")
+        after: Ints = now.after[np.clip(chosen, now.first[numbers], now.first[numbers + 1] - 1)]
         return after
 
     def branches(self, states: Ints, probabilities: Floats, step: int) -> tuple[Ints, Ints, Floats]:
-        now = self.transitions(step)
-        indices = now.states.searchsorted(states)
-        counts = now.first[indices + 1] - now.first[indices]
-        place = np.repeat(np.arange(len(states)), counts)
-        which = np.arange(len(place)) + (now.first[indices] - counts.cumsum() + counts)[place]
-        before = np.where(which > now.first[indices][place], now.sums[which - 1], indices[place])
-        return place, now.after[which], probabilities[place] * (now.sums[which] - before)
+        now = self.counted(step)
+        numbers = now.states.searchsorted(states)
+        first = now.first[numbers]
+        counts = now.first[numbers + 1] - first
+        person = np.repeat(np.arange(len(states)), counts)
+        # The moves of a person follow each other, from `first` on.
+        since_first = np.arange(len(person)) - (counts.cumsum() - counts)[person]
+        move = first[person] + since_first
+        before = np.where(move > first[person], now.sums[move - 1], numbers[person])
+        return person, now.after[move], probabilities[person] * (now.sums[move] - before)
 
     @classmethod
     def batched(cls, models: Sequence[Any], **options: Any) -> ChainForecasts:
@@ -140,60 +152,71 @@ class Chain(DriftModel):
 
     # Counting.
 
-    def transitions(self, step: int) -> _Transitions:
+    def counted(self, step: int) -> CountedStep:
         """The table of a step, counted on first use; in the last one, states stay."""
         step = min(step, self._tracks.steps)
         if step not in self._steps:
-            self._steps[step] = self._counted(step)
+            self._steps[step] = self._count(step)
         return self._steps[step]
 
-    def _counted(self, step: int) -> _Transitions:
-        size, weights = self._shape[0] * self.layer, self._tracks.weights
+    def _count(self, step: int) -> CountedStep:
+        size = self._shape[0] * self.layer
+        weights = self._tracks.weights
         x, y, here = self._at(step)
         next_x, next_y, there = self._at(min(step + 1, self._tracks.steps))
         in_state = _sums(here, weights, size)
         states = in_state.nonzero()[0]
-        mass, number = in_state[states], np.zeros(size, np.int64)
+        mass = in_state[states]
+        number = np.zeros(size, np.int64)
         number[states] = np.arange(len(states))
-        # Nobody moves farther than to the next cell, so a transition is a state and one of few
+
+        # Nobody moves farther than to the next cell, so a move is a state and one of few
         # displacements.
         reach = 2 * self._fine - 1
         width = 2 * reach + 1
         code = (number[here] * width + next_y - y + reach) * width + next_x - x + reach
-        counts, leads_to = _sums(code, weights), np.zeros(code.max() + 1, np.int64)
+        counts = _sums(code, weights)
+        leads_to = np.zeros(code.max() + 1, np.int64)
         leads_to[code] = there
-        (nonzero,) = counts.nonzero()
-        source, after = nonzero // width**2, leads_to[nonzero]
+        (made,) = counts.nonzero()
+        source = made // width**2
+        after = leads_to[made]
         first = source.searchsorted(np.arange(len(states) + 1))
-        chances = counts[nonzero] / mass[source]
+        chances = counts[made] / mass[source]
         sums = chances.cumsum()
         sums += source - np.append(0.0, sums)[first[source]]
         sums[first[1:] - 1] = np.arange(1.0, len(states) + 1)
-        # The order of `forward`.
-        order = after.argsort(kind="stable")
-        _, start, degrees = np.unique(after[order], return_index=True, return_counts=True)
-        ordinal = np.arange(len(order)) - np.repeat(start, degrees)
-        order = order[
-            np.lexsort((np.repeat((-degrees).argsort(kind="stable").argsort(), degrees), ordinal))
-        ]
-        return _Transitions(
-            states,
-            mass,
-            first,
-            after,
-            sums,
-            states[source[order]],
-            after[order],
-            chances[order],
-            np.bincount(ordinal).tolist(),
+
+        order, into = _order_of_forward(after)
+        return CountedStep(
+            states=states,
+            mass=mass,
+            first=first,
+            after=after,
+            sums=sums,
+            sources=states[source[order]],
+            targets=after[order],
+            chances=chances[order],
+            into=into,
         )
 
     def _states_at(self, step: int) -> tuple[Ints, Ints, Ints]:
         """The fine cell of each track at a step, x and y, and its state."""
-        size, fine = self.grid_size, self._fine
+        size = self.grid_size
+        fine = self._fine
         x, y = fine_cells(self._tracks.positions[step], size, fine)
         part = (self._labels * fine + y % fine) * fine + x % fine
-        return x, y, part * self.layer + self.places[y // fine * size + x // fine]
+        return x, y, part * self.layer + self.slots[y // fine * size + x // fine]
+
+
+def _order_of_forward(after: Ints) -> tuple[Ints, list[int]]:
+    """The order of moves in `CountedStep.sources`, given where each leads; and its `into`."""
+    order = after.argsort(kind="stable")
+    _, start, degrees = np.unique(after[order], return_index=True, return_counts=True)
+    ordinal = np.arange(len(order)) - np.repeat(start, degrees)  # of a move into its state
+    rank = (-degrees).argsort(kind="stable").argsort()  # of a state, the most moves first
+    order = order[np.lexsort((np.repeat(rank, degrees), ordinal))]
+    return order, np.bincount(ordinal).tolist()
 
 
 def _sums(indices: Ints, weights: Floats, size: int = 0) -> Floats:
@@ -220,9 +243,8 @@ def _class_labels(tracks: Tracks, classes: int) -> Ints:
     features = np.concatenate(tracks.positions[steps], axis=1)  # (P, 12)
     labels = np.zeros(len(features), np.int64)
     for new in range(1, classes):
-        spreads = np.array(
-            [features[labels == k].var(axis=0) * (labels == k).sum() for k in range(new)]
-        )
+        members = [features[labels == label] for label in range(new)]
+        spreads = np.array([own.var(axis=0) * len(own) for own in members])
         widest, feature = np.unravel_index(spreads.argmax(), spreads.shape)
         values = np.where(labels == widest, features[:, feature], -np.inf)
         labels[values > np.median(values[labels == widest])] = new
@@ -245,12 +267,13 @@ class ChainForecasts(Forecasts):
             flat[...] = rows.T
             return
         model, step = models[0]
-        now = model.transitions(step)
+        now = model.counted(step)
         flow = flat.take(now.sources, 0)
         flow *= now.chances[:, None]
-        first, total = now.into[0], flow[: now.into[0]]
+        first = now.into[0]
+        total = flow[:first]
         for count in now.into[1:]:  # in the order of `Chain.forward`
             total[:count] += flow[first : first + count]
             first += count
         flat[...] = 0.0
-        flat[now.targets[: now.into[0]]] = total
+        flat[now.targets[: len(total)]] = total

@@ -16,8 +16,8 @@ from DroneSwarmSearch.drift.axes import (
     moves_of,
     tabulate,
 )
-from DroneSwarmSearch.drift.hypotheses import Hypotheses
 from DroneSwarmSearch.drift.model import Forecasts, cumulative, over_layers
+from DroneSwarmSearch.persons.hypotheses import Hypotheses
 
 
 class ForecastTables(Forecasts):
@@ -38,7 +38,7 @@ class ForecastTables(Forecasts):
         self._scratch = np.empty((2, 0))  # of `drift`
         # The index of each state's column and row in the moves of its entry.
         hypothesis, y, x = np.indices((self._hypotheses, self._size, self._size)).reshape(3, -1)
-        self._places = np.stack([x, self._size + y]) + hypothesis * (2 * self._size)
+        self._move_index = np.stack([x, self._size + y]) + hypothesis * (2 * self._size)
 
     # The tables.
 
@@ -46,7 +46,7 @@ class ForecastTables(Forecasts):
     def step_bytes(self) -> int:
         joint = 8 * self._size**2 if self._has_prior.any() else 0
         tables = self._hypotheses * (3 * 8 * 2 * self._size + joint)
-        return self.count * tables + (super().step_bytes if self._matrices is not None else 0)
+        return self.count * tables + (super().step_bytes if self._map_table is not None else 0)
 
     def _fill(self, steps: int) -> None:
         new = tabulate(
@@ -78,7 +78,7 @@ class ForecastTables(Forecasts):
         return matrices
 
     def probabilities(self, entries: Ints, cells: Ints) -> Singles:
-        if self._matrices is not None or self._joint is not None:
+        if self._map_table is not None or self._joint is not None:
             return super().probabilities(entries, cells)
         y, x = np.divmod(cells, self._size)
         at_x, at_y = self._factors[entries, :, 0, x], self._factors[entries, :, 1, y]
@@ -101,7 +101,7 @@ class ForecastTables(Forecasts):
 
     # States and cells.
 
-    def places(self, entries: Ints, cells: Ints) -> Ints:
+    def slots(self, entries: Ints, cells: Ints) -> Ints:
         return cells
 
     def map(self, mass: Floats, entries: Ints) -> Floats:
@@ -131,7 +131,7 @@ class ForecastTables(Forecasts):
         return joint.argmax(axis=1) if is_certain else None
 
     def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
-        index = self._places.take(states, 1, mode="clip") * self._moves.shape[-1]
+        index = self._move_index.take(states, 1, mode="clip") * self._moves.shape[-1]
         index += entries
         higher, either = self._moves.reshape(2, -1).take(index, 1, mode="clip")
         either += higher

@@ -2,9 +2,9 @@
 
 A *state* is what a person's next move depends on, such as a cell and a hypothesis about the
 person. *Mass*, the probability of each state, and *value*, what is expected of a person in it, are
-float64 arrays of shape (M, R, N): M layers with R * N *places*, each of which belongs to one cell,
+float64 arrays of shape (M, R, N): M layers with R * N *slots*, each of which belongs to one cell,
 the same one in all layers. The number of a state is its index in flat mass. Usually a layer is the
-grid, and the place of a cell is y * N + x. All other code only uses the methods below, so that a
+grid, and the slot of a cell is y * N + x. All other code only uses the methods below, so that a
 new model needs nothing outside this folder.
 """
 
@@ -30,7 +30,7 @@ class DriftModel(ABC):
         grid_size: cells along each side of the grid, N.
         key: equal for models with equal forecasts.
         weights: the probability of each hypothesis about the person at step 0: float64, (H,).
-        kept_cells: the cells that have places, in their order; None for all cells of the grid.
+        kept_cells: the cells that have slots, in their order; None for all cells of the grid.
     """
 
     grid_size: int
@@ -72,17 +72,20 @@ class DriftModel(ABC):
 
     @property
     def layer(self) -> int:
-        """The number of places in a layer of mass, R * N."""
+        """The number of slots in a layer of mass, R * N."""
         return self.state_shape[1] * self.grid_size
 
     @cached_property
-    def places(self) -> Ints:
-        """The place of each cell; cells that are not kept share one where mass is always 0."""
+    def slots(self) -> Ints:
+        """The slot of each cell in a layer: int64, (N²,).
+
+        All cells outside the model share one extra slot, whose mass is always 0.
+        """
         if self.kept_cells is None:
             return np.arange(self.grid_size**2)
-        places = np.full(self.grid_size**2, len(self.kept_cells))
-        places[self.kept_cells] = np.arange(len(self.kept_cells))
-        return places
+        slots = np.full(self.grid_size**2, len(self.kept_cells))
+        slots[self.kept_cells] = np.arange(len(self.kept_cells))
+        return slots
 
     def map(self, mass: Floats) -> Floats:
         """The mass in each cell, shape (..., N, N), given (..., M, R, N); may be a view."""
@@ -91,7 +94,7 @@ class DriftModel(ABC):
             total = total + mass[..., layer, :, :]
         if self.kept_cells is None:
             return total
-        grid = total.reshape(*total.shape[:-2], -1).take(self.places, -1)
+        grid = total.reshape(*total.shape[:-2], -1).take(self.slots, -1)
         return grid.reshape(*total.shape[:-2], self.grid_size, self.grid_size)
 
     def lift(self, values: Floats) -> Floats:
@@ -106,16 +109,16 @@ class DriftModel(ABC):
         """The index of a cell's states in flat mass, ``mass.reshape(-1)``."""
         if self.kept_cells is None:
             return slice(cell, None, self.grid_size**2)
-        return slice(int(self.places[cell]), None, self.layer)
+        return slice(int(self.slots[cell]), None, self.layer)
 
     def cells(self, states: Any) -> Any:
         """The cells, y * N + x, of states."""
-        places = states % self.layer
-        return places if self.kept_cells is None else self._cell_of[places]
+        slots = states % self.layer
+        return slots if self.kept_cells is None else self._cell_of[slots]
 
     @cached_property
     def _cell_of(self) -> Ints:
-        """The cell of each place; 0 for those without one, whose mass is always 0."""
+        """The cell of each slot; 0 for those without one, whose mass is always 0."""
         assert self.kept_cells is not None
         return np.append(self.kept_cells, np.zeros(self.layer - len(self.kept_cells), np.int64))
 
@@ -143,7 +146,7 @@ class DriftModel(ABC):
         """`forward` of a single belief, in arithmetic that does not depend on the batch."""
         return self.forward(mass, step)
 
-    def matrices(self, step: int) -> tuple[Floats, Floats] | None:
+    def transitions(self, step: int) -> tuple[Floats, Floats] | None:
         """The transition matrices of a step along x and y, from [i] to [j]: (M, N, N) each.
 
         They make planning faster. None unless x and y move independently, and by a cell at most.
@@ -235,8 +238,8 @@ class Forecasts:
     Models on one grid have indices, and an *entry* is one step of one model: step * `count` +
     number. Tables of the entries grow up to the step `last`, see `reach`. This class handles any
     models, one row at a time; subclasses are faster for models of one kind. Mass has the `shape`
-    (M, L), layers and their places: models with fewer of them than others are padded with mass 0.
-    With `keeps_matrices`, the matrices of all entries are a table, too.
+    (M, L), layers and their slots: models with fewer of them than others are padded with mass 0.
+    With `keeps_matrices`, the matrices of all entries are a table, too, `_map_table`.
     """
 
     def __init__(self, models: Sequence[DriftModel], *, last: int, keeps_matrices: bool) -> None:
@@ -246,7 +249,7 @@ class Forecasts:
         self.shape = layers, max(model.layer for model in models)
         self._size, self._last = models[0].grid_size, last
         empty: Singles = np.zeros((0, self._size, self._size), np.float32)
-        self._matrices = empty if keeps_matrices else None
+        self._map_table = empty if keeps_matrices else None
         self._filled = 0  # steps
 
     # The tables.
@@ -264,9 +267,9 @@ class Forecasts:
             more = min(usual, self._last + 1 - self._filled)
             self._fill(more)
             first, self._filled = self._filled, self._filled + more
-            if self._matrices is not None:
+            if self._map_table is not None:
                 new = np.arange(first * self.count, self._filled * self.count)
-                self._matrices = np.concatenate([self._matrices, self._computed(new)])
+                self._map_table = np.concatenate([self._map_table, self._computed(new)])
 
     def _fill(self, steps: int) -> None:
         """Fill the tables but for the matrices for some more steps."""
@@ -281,32 +284,32 @@ class Forecasts:
 
     def joint(self, entries: Ints) -> Floats:
         """The probability of each state: float64, (n, M, L)."""
-        different, place = np.unique(entries, return_inverse=True)
+        different, which = np.unique(entries, return_inverse=True)
         joint = np.zeros((len(different), *self.shape))
         for mass, (model, step) in zip(joint, self._each(different), strict=True):
             mass[: model.state_shape[0], : model.layer] = model.joint(step).reshape(-1, model.layer)
-        return joint[place]
+        return joint[which]
 
     def matrices(self, entries: Ints, out: Singles | None = None) -> Singles:
         """The matrices: float32, (n, N, N)."""
-        if self._matrices is not None:
-            return self._matrices.take(entries, 0, out=out, mode="clip")
+        if self._map_table is not None:
+            return self._map_table.take(entries, 0, out=out, mode="clip")
         matrices = self._computed(entries)
         if out is not None:
             out[...] = matrices
         return matrices
 
     def _computed(self, entries: Ints) -> Singles:
-        different, place = np.unique(entries, return_inverse=True)
+        different, which = np.unique(entries, return_inverse=True)
         matrices: Singles = np.empty((len(different), self._size, self._size), np.float32)
         for matrix, (model, step) in zip(matrices, self._each(different), strict=True):
             matrix[...] = model.matrix(step)
-        return matrices[place]
+        return matrices[which]
 
     def probabilities(self, entries: Ints, cells: Ints) -> Singles:
         """The probability of one cell in each of some entries' matrices: float32, (n,)."""
-        if self._matrices is not None:
-            return self._matrices.take(entries * self._size**2 + cells, mode="clip")
+        if self._map_table is not None:
+            return self._map_table.take(entries * self._size**2 + cells, mode="clip")
         return self._computed(entries).reshape(-1, self._size**2)[np.arange(len(cells)), cells]
 
     def drift(self, mass: Floats, entries: Ints) -> None:
@@ -319,21 +322,21 @@ class Forecasts:
 
     # States and cells.
 
-    def places(self, entries: Ints, cells: Ints) -> Ints:
-        """The place of a cell in the layers of mass for each of some entries: (n,)."""
-        return self._places[entries % self.count, cells]
+    def slots(self, entries: Ints, cells: Ints) -> Ints:
+        """The slot of a cell in the layers of mass for each of some entries: (n,)."""
+        return self._slots[entries % self.count, cells]
 
     @cached_property
-    def _places(self) -> Ints:
-        return np.array([model.places for model in self.models])
+    def _slots(self) -> Ints:
+        return np.array([model.slots for model in self.models])
 
     def map(self, mass: Floats, entries: Ints) -> Floats:
         """The mass in each cell: (N², n), given (M, L, n); may be a view."""
         total: Floats = over_layers(mass)
         if self.count == 1:
-            single: Floats = total.take(self._places[0], 0)
+            single: Floats = total.take(self._slots[0], 0)
             return single
-        mapped: Floats = np.take_along_axis(total, self._places[entries % self.count].T, 0)
+        mapped: Floats = np.take_along_axis(total, self._slots[entries % self.count].T, 0)
         return mapped
 
     def cells(self, states: Ints, entries: Ints) -> Ints:

@@ -6,11 +6,11 @@ import warnings
 from functools import singledispatch
 
 from DroneSwarmSearch.drift.chain import Chain
-from DroneSwarmSearch.drift.hypotheses import Hypotheses
-from DroneSwarmSearch.drift.known import KnownDrift
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
-from DroneSwarmSearch.drift.tracks import TrackDrift
+from DroneSwarmSearch.persons.hypotheses import Hypotheses
+from DroneSwarmSearch.persons.known import KnownDrift
+from DroneSwarmSearch.persons.tracks import TrackDrift
 
 MOST_BEYOND = 0.01  # the share of tracks off the grid above which there is a warning
 

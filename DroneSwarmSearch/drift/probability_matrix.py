@@ -24,13 +24,13 @@ from DroneSwarmSearch.drift.axes import (
     tabulate,
 )
 from DroneSwarmSearch.drift.forecast_tables import ForecastTables
-from DroneSwarmSearch.drift.hypotheses import Hypotheses
 from DroneSwarmSearch.drift.model import BLOCK_BYTES, BLOCK_STEPS, DriftModel
+from DroneSwarmSearch.persons.hypotheses import Hypotheses
 
 CACHE_BYTES = 16 * 2**20
 """The largest tables that a forecast keeps; later ones are made again in each episode."""
 
-_MATRICES_BYTES = 2**28  # the largest transition matrices that a forecast keeps
+_TRANSITIONS_BYTES = 2**28  # the largest transition matrices that a forecast keeps
 
 
 class _Block(NamedTuple):
@@ -81,7 +81,7 @@ class ProbabilityMatrix(DriftModel):
         joint = 0 if self._separable else 8 * size**2
         self._step_bytes = 4 * size**2 + hypotheses * (8 * 8 * size + joint) + 512
         self._block_steps = min(max(BLOCK_BYTES // self._step_bytes, 1), BLOCK_STEPS)
-        self._matrices: dict[int, Floats] = {}  # along x and y, by step
+        self._transitions: dict[int, Floats] = {}  # along x and y, by step
         self._block: _Block | None = None  # used last
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -120,12 +120,12 @@ class ProbabilityMatrix(DriftModel):
     # The steps of a distribution.
 
     def forward(self, mass: Floats, step: int) -> Floats:
-        along_x, along_y = self.matrices(step)
+        along_x, along_y = self.transitions(step)
         moved: Floats = along_y.swapaxes(-1, -2) @ mass @ along_x
         return moved
 
     def backward(self, value: Floats, step: int) -> Floats:
-        along_x, along_y = self.matrices(step)
+        along_x, along_y = self.transitions(step)
         expected: Floats = along_y @ value @ along_x.swapaxes(-1, -2)
         return expected
 
@@ -136,18 +136,18 @@ class ProbabilityMatrix(DriftModel):
     def _drifter(self) -> Drifter:
         return Drifter(self.state_shape)
 
-    def matrices(self, step: int) -> tuple[Floats, Floats]:
-        if step not in self._matrices:
+    def transitions(self, step: int) -> tuple[Floats, Floats]:
+        if step not in self._transitions:
             stays, higher, lower = self._moves(step).swapaxes(1, 2)  # each (2, M, N)
             here = np.arange(self.grid_size)
-            matrices = np.zeros((*stays.shape, self.grid_size))
-            matrices[..., here, here] = stays
-            matrices[..., here[:-1], here[1:]] = higher[..., :-1]
-            matrices[..., here[1:], here[:-1]] = lower[..., 1:]
-            if len(self._matrices) * matrices.nbytes > _MATRICES_BYTES:
-                self._matrices.clear()
-            self._matrices[step] = matrices
-        along_x, along_y = self._matrices[step]
+            transitions = np.zeros((*stays.shape, self.grid_size))
+            transitions[..., here, here] = stays
+            transitions[..., here[:-1], here[1:]] = higher[..., :-1]
+            transitions[..., here[1:], here[:-1]] = lower[..., 1:]
+            if len(self._transitions) * transitions.nbytes > _TRANSITIONS_BYTES:
+                self._transitions.clear()
+            self._transitions[step] = transitions
+        along_x, along_y = self._transitions[step]
         return along_x, along_y
 
     # The steps of a person.

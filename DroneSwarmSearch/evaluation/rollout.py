@@ -13,10 +13,10 @@ from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.rules import Action, RewardScheme
 from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
 from DroneSwarmSearch.drift.chain import fine_cells
-from DroneSwarmSearch.drift.tracks import Tracks
 from DroneSwarmSearch.evaluation.episodes import POS_EDGES, Episodes
 from DroneSwarmSearch.evaluation.stage import PolicyLike, Stage, reset_policy
 from DroneSwarmSearch.layouts.view import View
+from DroneSwarmSearch.persons.tracks import Tracks
 from DroneSwarmSearch.vector.engine import SearchBatch
 
 

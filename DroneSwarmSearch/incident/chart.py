@@ -14,9 +14,9 @@ from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.extras import import_matplotlib
 from DroneSwarmSearch._internal.files import write_bytes
 from DroneSwarmSearch._internal.text import without_formulas
-from DroneSwarmSearch.drift.leeway import KNOT
-from DroneSwarmSearch.drift.plane import TangentPlane
-from DroneSwarmSearch.incident import units
+from DroneSwarmSearch.geo import units
+from DroneSwarmSearch.geo.plane import TangentPlane
+from DroneSwarmSearch.geo.units import KNOT
 from DroneSwarmSearch.incident.flights import track, up_to_the_minute
 from DroneSwarmSearch.incident.planned_flights import PlannedFlights
 from DroneSwarmSearch.rendering.palette import INK, drone_colour, readable_on

@@ -18,9 +18,9 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.files import csv_cell, csv_rows, write_bytes, write_text
+from DroneSwarmSearch.geo.times import in_utc
 from DroneSwarmSearch.incident.flights import Flight, Waypoint, track
 from DroneSwarmSearch.incident.planned_flights import PlannedFlights
-from DroneSwarmSearch.incident.times import in_utc
 from DroneSwarmSearch.rendering.palette import drone_colour
 
 MAP = 230, 0, 130

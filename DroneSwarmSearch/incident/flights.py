@@ -12,8 +12,8 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.drift.plane import TangentPlane
-from DroneSwarmSearch.incident.times import in_utc
+from DroneSwarmSearch.geo.plane import TangentPlane
+from DroneSwarmSearch.geo.times import in_utc
 
 FASTER = 1.5  # a flown leg may be so many times as fast as the airspeed plus the wind
 

@@ -10,10 +10,10 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.drift.persons import Person
-from DroneSwarmSearch.drift.scale import Scale
-from DroneSwarmSearch.drift.tracks import Tracks
+from DroneSwarmSearch.geo.scale import Scale
 from DroneSwarmSearch.incident.report import Report
+from DroneSwarmSearch.persons.person import Person
+from DroneSwarmSearch.persons.tracks import Tracks
 
 PARTICLES, LEAST_CELLS, MOST_CELLS = 10_000, 12, 48
 """The number of tracks, and the fewest and most cells along each side."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
-from DroneSwarmSearch.drift.leeway import DIFFUSIVITY, JIBING, ObjectClass
+from DroneSwarmSearch.persons.leeway import DIFFUSIVITY, JIBING, ObjectClass
 
 Flow = Callable[[Any, Floats], Floats]
 """The velocity of wind or water, (east, north) in m/s, (2, 1) or (2, n), at a time in seconds and

@@ -13,9 +13,9 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.text import plural
-from DroneSwarmSearch.drift.leeway import KNOT
-from DroneSwarmSearch.drift.plane import TangentPlane
-from DroneSwarmSearch.incident import units
+from DroneSwarmSearch.geo import units
+from DroneSwarmSearch.geo.plane import TangentPlane
+from DroneSwarmSearch.geo.units import KNOT
 from DroneSwarmSearch.incident.choice import Guess
 from DroneSwarmSearch.incident.flights import (
     Waypoint,

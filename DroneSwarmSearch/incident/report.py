@@ -18,22 +18,9 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Pair
 from DroneSwarmSearch._internal.files import parsed_json, write_text
 from DroneSwarmSearch._internal.text import plural, printable
-from DroneSwarmSearch.drift import leeway
-from DroneSwarmSearch.drift.plane import EQUATOR, TangentPlane
-from DroneSwarmSearch.drift.scale import Scale
-from DroneSwarmSearch.drift.track_files import first_known, positions
-from DroneSwarmSearch.incident import particles, units
-from DroneSwarmSearch.incident.fields import Field
-from DroneSwarmSearch.incident.flights import (
-    FASTER,
-    Flight,
-    FlownFlight,
-    check_flyable,
-    check_order,
-    legs_of,
-    read_flown,
-)
-from DroneSwarmSearch.incident.flows import (
+from DroneSwarmSearch.geo import units
+from DroneSwarmSearch.geo.fields import Field
+from DroneSwarmSearch.geo.flows import (
     FASTEST,
     FILES,
     changed_at,
@@ -43,9 +30,23 @@ from DroneSwarmSearch.incident.flows import (
     series,
     shifted,
 )
+from DroneSwarmSearch.geo.plane import EQUATOR, TangentPlane
+from DroneSwarmSearch.geo.scale import Scale
+from DroneSwarmSearch.geo.times import in_utc, near
+from DroneSwarmSearch.incident import particles
+from DroneSwarmSearch.incident.flights import (
+    FASTER,
+    Flight,
+    FlownFlight,
+    check_flyable,
+    check_order,
+    legs_of,
+    read_flown,
+)
 from DroneSwarmSearch.incident.particles import Flow, Particles
 from DroneSwarmSearch.incident.patterns import Drone
-from DroneSwarmSearch.incident.times import in_utc, near
+from DroneSwarmSearch.persons import leeway
+from DroneSwarmSearch.persons.track_files import first_known, positions
 
 Self = TypeVar("Self", bound="Report")
 
@@ -308,7 +309,7 @@ class Report:
             elif isinstance(flow, Mapping) or any(flow):
                 spoken = []
                 for seconds, degrees, speed in self.courses(name):
-                    at_time = f"{degrees:03.0f}° {speed / leeway.KNOT:.2g} kn ({speed:.2g} m/s)"
+                    at_time = f"{degrees:03.0f}° {speed / units.KNOT:.2g} kn ({speed:.2g} m/s)"
                     if isinstance(flow, Mapping):
                         at_time += f" at {self._clock(self.time + timedelta(seconds=seconds))}"
                     spoken.append(at_time)
@@ -480,7 +481,7 @@ class Report:
                 when = self.time + timedelta(seconds=seconds)
                 exact = "auto" if when.second or when.microsecond else "minutes"
                 stamp = when.isoformat(timespec=exact).replace("+00:00", "Z")
-                texts.append(f"{degrees:g}° {speed / leeway.KNOT:.6g} kn@{stamp}")
+                texts.append(f"{degrees:g}° {speed / units.KNOT:.6g} kn@{stamp}")
             values[name] = texts if isinstance(values[name], Mapping) else texts[0].split("@")[0]
         for name in ("tracks", "wind", "current"):
             if isinstance(file := getattr(self, name), str):

@@ -1,5 +1,7 @@
-"""Search planning: plans for all drones, and an upper bound on the success of any policy."""
+"""Search planning: paths for all drones, and an upper bound on the success of any policy."""
 
 from DroneSwarmSearch.bound.success import SuccessBound, success_bound
+from DroneSwarmSearch.paths.best_paths import DronePath
+from DroneSwarmSearch.planning.plan_paths import PathPlan, plan_paths
 
-__all__ = ["SuccessBound", "success_bound"]
+__all__ = ["DronePath", "PathPlan", "SuccessBound", "plan_paths", "success_bound"]

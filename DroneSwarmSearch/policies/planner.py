@@ -1,19 +1,18 @@
-"""The planner: follows an open-loop plan (`planning.joint_plan`), and replans after a find."""
+"""The planner: follows an open-loop plan (`paths.joint_plan`), and replans after a find."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.progress import progress
-from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.planning.joint_plan import JointPlan
-from DroneSwarmSearch.planning.passes import Target
+from DroneSwarmSearch.paths.best_paths import DronePath
+from DroneSwarmSearch.planning.plan_paths import SECONDS, Known, improved
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import (
@@ -35,11 +34,6 @@ from DroneSwarmSearch.policies.patterns import (
     SectorSearchPolicy,
 )
 
-EARLY_BONUS = 0.01
-"""How much more a find in the first step is worth than one in the last, in the choice of paths; of
-several plans, the one with the largest probability of success wins, without the bonus."""
-
-SECONDS = 120.0  # the default work for a plan
 AFTER_FIND = 0.005  # the work for a plan after a find, as a fraction of that for the first plan
 
 INITIAL = (
@@ -61,7 +55,7 @@ class PlannerPolicy(OpenLoopPolicy):
     depend on the computer.
 
     A plan maximises the probability of success by the limit, and among nearly equal plans prefers
-    early finds (``EARLY_BONUS``). Of persons with `survival`, it is the probability of finding them
+    early finds. Of persons with `survival`, it is the probability of finding them
     alive. With one person and up to ``HORIZON`` steps, a plan is never worse than the paths of any
     other policy. With several persons, a plan lasts until the next find. Then the next one begins
     with the rest of the old one.
@@ -96,8 +90,11 @@ class PlannerPolicy(OpenLoopPolicy):
         initial = [self._paths(steps) for steps in self._initial(tracker, cells)]
         if rest and len(rest) == len(initial[0][0].searches):
             initial.append(self._paths(rest))
-        with progress("planning", 1.0) as bar:
-            return self._steps(self._improved(tracker, initial, bar))
+        seconds = self._seconds
+        if tracker.step % HORIZON:
+            seconds *= AFTER_FIND
+        with progress("planning", 1.0) as on_progress:
+            return self._steps(improved(self._known(tracker), initial, seconds, on_progress))
 
     def _initial(self, tracker: BeliefTracker, cells: list[Cell]) -> list[list[PlanStep]]:
         """The paths of other policies."""
@@ -107,39 +104,17 @@ class PlannerPolicy(OpenLoopPolicy):
         plans = [self.simulated(act, tracker, cells)[0] for act in acts]
         return [*plans, self._network.plan(tracker, cells)]
 
-    def _improved(
-        self, tracker: BeliefTracker, initial: list[list[Path]], report: Callable[[float], object]
-    ) -> list[Path]:
-        """The paths of a plan at least as successful as all initial ones."""
-        step, steps = tracker.step, self.horizon(tracker)
-        bonus = EARLY_BONUS if self.scenario.mission == "rescue" else 0.0
-        worth = 1.0 + bonus * (1.0 - np.arange(steps) / steps)
-        forecasts, detections = tracker.forecasts, self.scenario.detections
-        missing, ahead = tracker.missing, range(step, step + steps)
-        everyone = self.scenario.mission == "rescue" and len(missing) > 1
-        alive = np.array(
-            [[*map(self.scenario.persons_to_find[person].alive, ahead)] for person in missing]
+    def _known(self, tracker: BeliefTracker) -> Known:
+        """What the tracker knows, for a plan from now on."""
+        return Known(
+            scenario=self.scenario,
+            first=tracker.step,
+            steps=self.horizon(tracker),
+            missing=tracker.missing,
+            beliefs=[tracker.joint(person) for person in tracker.missing],
         )
-        alive /= alive.max() or 1.0  # only relative survival matters
-        targets = [
-            Target(forecasts[person], detections[person], tracker.joint(person), worth * survival)
-            for person, survival in zip(missing, alive, strict=True)
-        ]
 
-        def success(paths: list[Path]) -> float:
-            found = (alive * JointPlan(targets, step, paths).found()).sum(axis=1)
-            return float(np.prod(found) if everyone else np.mean(found))
-
-        best = max(initial, key=success)
-        if everyone:  # the gradient of the logarithm of the product
-            for target, found in zip(targets, JointPlan(targets, step, best).found(), strict=True):
-                target.worth /= found.sum() or 1.0
-        plan = JointPlan(targets, step, best)
-        seconds = self._seconds * (AFTER_FIND if step % HORIZON else 1.0)
-        plan.anneal(seconds, np.random.default_rng(0), report)
-        return max(plan.paths, best, key=success)
-
-    def _paths(self, steps: Sequence[PlanStep]) -> list[Path]:
+    def _paths(self, steps: Sequence[PlanStep]) -> list[DronePath]:
         """Every drone's path in a plan."""
         size = self.scenario.grid_size
         cells = [[y * size + x for x, y in here] for here, _ in steps]
@@ -147,10 +122,11 @@ class PlannerPolicy(OpenLoopPolicy):
         cells.append([self._grid.neighbours[cell][action] for cell, action in last])
         searches = [[action == Action.SEARCH for action in actions] for _, actions in steps]
         return [
-            Path(*arrays) for arrays in zip(np.array(cells).T, np.array(searches).T, strict=True)
+            DronePath(*arrays)
+            for arrays in zip(np.array(cells).T, np.array(searches).T, strict=True)
         ]
 
-    def _steps(self, paths: list[Path]) -> list[PlanStep]:
+    def _steps(self, paths: list[DronePath]) -> list[PlanStep]:
         """The plan along every drone's path."""
         steps: list[PlanStep] = []
         for step, searches in enumerate(zip(*(path.searches for path in paths), strict=True)):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal.arrays import Pair
 from DroneSwarmSearch.core.frame import HISTORY_STEPS, TRAIL_STEPS, Frame
 from DroneSwarmSearch.core.rules import Ending, is_success
-from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.geo.scale import Scale
 from DroneSwarmSearch.rendering import sprites
 from DroneSwarmSearch.rendering.labels import tick_stride
 from DroneSwarmSearch.rendering.palette import (

@@ -12,13 +12,13 @@ import numpy as np
 from DroneSwarmSearch._internal.progress import progress as shown_progress
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.drift.persons import Person
 from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.results import Evaluation
 from DroneSwarmSearch.evaluation.rollout import play
 from DroneSwarmSearch.evaluation.run import Case
 from DroneSwarmSearch.evaluation.stage import PolicyLike, copied, prepared
 from DroneSwarmSearch.layouts.view import View
+from DroneSwarmSearch.persons.person import Person
 from DroneSwarmSearch.vector.engine import Sampler
 
 SEED = 1_000_000  # of held-out episodes; training usually starts from small seeds

@@ -46,10 +46,10 @@ class Beliefs:
         self.failure = np.ones((persons, rows))
 
     def use(self, forecasts: Forecasts) -> None:
-        """Use other forecasts; layers and places without mass are added, or left out."""
+        """Use other forecasts; layers and slots without mass are added, or left out."""
         self.forecasts, shape = forecasts, forecasts.shape
-        layers, places = np.maximum(np.subtract(shape, self._mass.shape[2:4]), 0)
-        padded = np.pad(self._mass, [(0, 0), (0, 0), (0, layers), (0, places), (0, 0)])
+        layers, slots = np.maximum(np.subtract(shape, self._mass.shape[2:4]), 0)
+        padded = np.pad(self._mass, [(0, 0), (0, 0), (0, layers), (0, slots), (0, 0)])
         self._mass = np.ascontiguousarray(padded[:, :, : shape[0], : shape[1]])
 
     def forget(self, rows: Ints) -> None:
@@ -76,8 +76,8 @@ class Beliefs:
         searched = np.zeros(self.begun.shape, np.bool_)
         searched[rows] = True
         for person, detection in enumerate(detections):
-            places = self.forecasts.places(self._entries[person, rows], cells)
-            where = tile, person, slice(None), places, column
+            slots = self.forecasts.slots(self._entries[person, rows], cells)
+            where = tile, person, slice(None), slots, column
             before = self._mass[where]  # (n, M)
             self._mass[where] = before * (1.0 - detection[:, None])
             missed = self._normalise(person, searched)
@@ -85,7 +85,7 @@ class Beliefs:
             self.failure[person] *= np.where(searched, np.minimum(missed, 1.0), 1.0)
             undo = missed[rows] <= 0.0  # the searches contradict the belief: restore it
             if undo.any():
-                where = tile[undo], person, slice(None), places[undo], column[undo]
+                where = tile[undo], person, slice(None), slots[undo], column[undo]
                 self._mass[where] = before[undo]
 
     def _normalise(self, person: int, searched: Flags) -> Floats:
@@ -151,10 +151,8 @@ class Beliefs:
     def _at(self, rows: Ints, cells: Ints) -> list[Floats]:
         """Each person's belief about one cell in each of some rows: (n,)."""
         tile, column = np.divmod(rows, self._width)
-        places = [self.forecasts.places(entry, cells) for entry in self._entries[:, rows]]
-        return [
-            over_layers(self._mass[tile, k, :, place, column].T) for k, place in enumerate(places)
-        ]
+        slots = [self.forecasts.slots(entry, cells) for entry in self._entries[:, rows]]
+        return [over_layers(self._mass[tile, k, :, slot, column].T) for k, slot in enumerate(slots)]
 
     # The probability of success.
 

@@ -25,7 +25,7 @@ from DroneSwarmSearch.core.observations import state_planes
 from DroneSwarmSearch.core.rules import Action, Ending
 from DroneSwarmSearch.core.scenario import REPLACED, Scenario, resolve_scenario
 from DroneSwarmSearch.drift.belief import mean_forecast
-from DroneSwarmSearch.drift.persons import Person
+from DroneSwarmSearch.persons.person import Person
 from DroneSwarmSearch.vector.world import BatchState, Catalogue
 
 Situations = Sequence[Sequence[Person] | Person]

@@ -8,15 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.bound.paths import Path
 from DroneSwarmSearch.drift.model import DriftModel
+from DroneSwarmSearch.paths.best_paths import DronePath
 
 
 @dataclass
 class Target:
-    """A missing person, with the mass of the states and the worth of a find by step, shape (n,)."""
+    """A missing person.
 
-    chain: DriftModel
+    Attributes:
+        model: how the person drifts.
+        detection: the probability that a search of the person's cell finds the person.
+        belief: the mass of the person's states: (M, R, N).
+        worth: of a find in each step: (n,).
+    """
+
+    model: DriftModel
     detection: float
     belief: Floats
     worth: Floats
@@ -31,22 +38,26 @@ class Passes:
         rests: what the plan will gain from a state after each step's searches: (n, M, R, N).
     """
 
-    def __init__(self, target: Target, first: int, paths: Sequence[Path]) -> None:
-        n, size = len(target.worth), target.chain.grid_size
-        self.target, self.first = target, first
+    def __init__(self, target: Target, first: int, paths: Sequence[DronePath]) -> None:
+        n = len(target.worth)
+        size = target.model.grid_size
+        self.target = target
+        self.first = first
         self.missed = np.ones((n, size, size))
         self.masses, self.rests = np.empty((2, n, *target.belief.shape))
-        self.masses[0], self.rests[-1] = target.belief, 0.0
+        self.masses[0] = target.belief
+        self.rests[-1] = 0.0
         # Masses are up to date until the one step, rests from the other one on.
-        self._masses_to, self._rests_from = 0, n - 1
+        self._masses_to = 0
+        self._rests_from = n - 1
         for path in paths:
             self._set_missed(path, 0, 1.0 - target.detection)
 
-    def _set_missed(self, path: Path, begin: int, missed: float) -> None:
+    def _set_missed(self, path: DronePath, begin: int, missed: float) -> None:
         steps = path.searches.nonzero()[0]
         self.missed.reshape(len(self.missed), -1)[begin + steps, path.cells[steps]] = missed
 
-    def replace(self, old: Sequence[Path], new: Sequence[Path], begin: int) -> None:
+    def replace(self, old: Sequence[DronePath], new: Sequence[DronePath], begin: int) -> None:
         """Replace the searches of some drones from one step on by others."""
         for path in old:
             self._set_missed(path, begin, 1.0)
@@ -57,20 +68,28 @@ class Passes:
 
     def update(self, begin: int, end: int) -> None:
         """Bring the masses up to date until before one step, and the rests from another one on."""
-        chain = self.target.chain
+        model = self.target.model
         for now in range(self._masses_to, end):
-            mass = self.masses[now] * chain.lift(self.missed[now])
-            self.masses[now + 1] = chain.forward(mass, self.first + now)
+            mass = self.masses[now] * model.lift(self.missed[now])
+            self.masses[now + 1] = model.forward(mass, self.first + now)
         self._masses_to = max(self._masses_to, end)
         for now in range(self._rests_from - 1, begin - 1, -1):
-            missed, worth = chain.lift(self.missed[now + 1]), self.target.worth[now + 1]
+            missed = model.lift(self.missed[now + 1])
+            worth = self.target.worth[now + 1]
             value = missed * self.rests[now + 1] + (1.0 - missed) * worth
-            self.rests[now] = chain.backward(value, self.first + now)
+            self.rests[now] = model.backward(value, self.first + now)
         self._rests_from = min(self._rests_from, begin)
 
     def found(self) -> Floats:
-        """The probability of finding the person in each step."""
+        """The probability of finding the person in each step: (n,)."""
         self.update(len(self.missed), len(self.missed) - 1)
-        maps = self.target.chain.map(self.masses)
+        maps = self.target.model.map(self.masses)
         found: Floats = ((1.0 - self.missed) * maps).sum(axis=(1, 2))
         return found
+
+    def gains(self) -> Floats:
+        """What one more search of each cell gains in each step: (n, N, N), see `joint_plan`."""
+        self.update(0, len(self.missed) - 1)
+        worth = self.target.worth[:, None, None, None]
+        gained: Floats = self.target.model.map(self.masses * (worth - self.rests))
+        return self.target.detection * gained

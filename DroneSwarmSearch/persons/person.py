@@ -11,9 +11,9 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.drift.hypotheses import ROUNDING, Hypotheses
-from DroneSwarmSearch.drift.known import KnownDrift
-from DroneSwarmSearch.drift.tracks import MOST_PARTS, USUAL_PARTS, TrackDrift, Tracks
+from DroneSwarmSearch.persons.hypotheses import ROUNDING, Hypotheses
+from DroneSwarmSearch.persons.known import KnownDrift
+from DroneSwarmSearch.persons.tracks import MOST_PARTS, USUAL_PARTS, TrackDrift, Tracks
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.erf import erf
-from DroneSwarmSearch.drift.known import KnownDrift
+from DroneSwarmSearch.persons.known import KnownDrift
 
 MAX_DIFFUSION = 2 / 3  # the variance of a step to one of three adjacent cells at random
 _LARGE = 1e300  # stands for larger numbers, so that differences of two of them stay finite

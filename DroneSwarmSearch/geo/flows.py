@@ -15,9 +15,9 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Pair
 from DroneSwarmSearch._internal.files import csv_rows
-from DroneSwarmSearch.drift.leeway import current_towards, wind_from
-from DroneSwarmSearch.incident import units
-from DroneSwarmSearch.incident.times import DAY, is_clock, near
+from DroneSwarmSearch.geo import units
+from DroneSwarmSearch.geo.times import DAY, is_clock, near
+from DroneSwarmSearch.geo.units import current_towards, wind_from
 
 FASTEST = {"wind": 60.0, "current": 5.0}
 """In m/s; beyond, a figure was probably given in another unit."""

@@ -2,7 +2,7 @@
 
 Searches in L steps change the passes of the other steps and cells only near them. A drone stays in
 a box, its reach, and a person who leaves the box must come back to be searched again, so a margin
-of L / 2 cells makes the passes exact. A person whose drift model has no `matrices` may move
+of L / 2 cells makes the passes exact. A person whose drift model has no `transitions` may move
 farther, and gets all of the mass. Single precision suffices to choose among candidates.
 """
 
@@ -15,7 +15,9 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch.core.grid import Grid
-from DroneSwarmSearch.planning.passes import Passes
+from DroneSwarmSearch.paths.passes import Passes
+
+Index = tuple[Any, ...]  # of an array
 
 
 class Boxes(NamedTuple):
@@ -33,23 +35,41 @@ class Boxes(NamedTuple):
 
         A goal of -1 stands for all cells within reach.
         """
-        slack = np.where(goals < 0, moves, (moves - Grid.of(size).distance(starts, goals)) // 2)
-        goals = np.where(goals < 0, starts, goals)
+        is_anywhere = goals < 0
+        spare_moves = (moves - Grid.of(size).distance(starts, goals)) // 2
+        slack = np.where(is_anywhere, moves, spare_moves)
+        goals = np.where(is_anywhere, starts, goals)
         first: list[Ints] = []
         lengths: list[int] = []
         for start, goal in zip(np.divmod(starts, size), np.divmod(goals, size), strict=True):
             low = (np.minimum(start, goal) - slack).min(axis=1) - margin
             high = (np.maximum(start, goal) + slack).max(axis=1) + margin
-            lengths.append(min(int((high - low).max()) + 1, size))
-            first.append(np.clip(low, 0, size - lengths[-1]))
-        return cls(first[0], first[1], lengths[0], lengths[1], size)
+            length = min(int((high - low).max()) + 1, size)
+            lengths.append(length)
+            first.append(np.clip(low, 0, size - length))
+        top, left = first
+        height, width = lengths
+        return cls(top, left, height, width, size)
+
+    @property
+    def rows(self) -> Ints:
+        """The rows of each box: (K, height)."""
+        rows: Ints = self.top[:, None] + np.arange(self.height)
+        return rows
+
+    @property
+    def columns(self) -> Ints:
+        """The columns of each box: (K, width)."""
+        columns: Ints = self.left[:, None] + np.arange(self.width)
+        return columns
 
     def indices(self, cells: Ints) -> Ints:
         """The indices y * width + x in the boxes of cells on the grid, (..., K); -1 if outside."""
-        y, x = np.divmod(cells, self.size)
-        y, x = y - self.top, x - self.left
-        inside = (y >= 0) & (y < self.height) & (x >= 0) & (x < self.width)
-        indices: Ints = np.where(inside, y * self.width + x, -1)
+        row, column = np.divmod(cells, self.size)
+        y = row - self.top
+        x = column - self.left
+        is_inside = (y >= 0) & (y < self.height) & (x >= 0) & (x < self.width)
+        indices: Ints = np.where(is_inside, y * self.width + x, -1)
         return indices
 
     def cells(self, indices: Ints) -> Ints:
@@ -81,29 +101,35 @@ class TargetWindow:
     """
 
     def __init__(self, passes: Passes, begin: int, steps: int, boxes: Boxes) -> None:
-        self._target, self._first, end = passes.target, passes.first + begin, begin + steps
+        self._target = passes.target
+        self._first = passes.first + begin
+        self._boxes = boxes
+        end = begin + steps
         passes.update(begin, end - 1)
-        chain, size = self._target.chain, boxes.size
-        self._top, self._left = boxes.top[:, None], boxes.left[:, None]
-        y, x = np.arange(boxes.height) + self._top, np.arange(boxes.width) + self._left
-        by_row, by_column, cells = (
-            rows[:, None, :, None] * size + other[:, None, None, :]
-            for rows, other in ((y, y), (x, x), (y, x))
-        )
-        matrices = [chain.matrices(self._first + step) for step in range(steps)]
-        self._matrices = [
-            (_part(along_x, by_column), _part(along_y, by_row))
-            for along_x, along_y in filter(None, matrices)
+        model = self._target.model
+
+        pairs = (model.transitions(self._first + step) for step in range(steps))
+        size = boxes.size
+        self._transitions = [
+            (
+                _part(along_x, _flat_indices(boxes.columns, boxes.columns, size)),
+                _part(along_y, _flat_indices(boxes.rows, boxes.rows, size)),
+            )
+            for along_x, along_y in filter(None, pairs)
         ]
-        masses, rests, missed = (
-            values[begin:end] for values in (passes.masses, passes.rests, passes.missed)
-        )
-        parts: Any = (
-            _part(values, cells) if self._matrices else values[:, :, None, None].astype(np.float32)
-            for values in (masses, rests, chain.lift(missed))
-        )
-        self._masses, rests, self._kept = parts
+        masses: Any = passes.masses[begin:end]
+        rests: Any = passes.rests[begin:end]
+        kept: Any = model.lift(passes.missed[begin:end])
+        if self._transitions:
+            cells = _flat_indices(boxes.rows, boxes.columns, size)
+            masses, rests, kept = (_part(values, cells) for values in (masses, rests, kept))
+        else:
+            masses, rests, kept = (
+                values[:, :, None, None].astype(np.float32) for values in (masses, rests, kept)
+            )
         worth = self._target.worth[begin:end].astype(np.float32)
+        self._masses = masses
+        self._kept = kept
         self._losses = worth[:, None, None, None, None, None] - rests
         self.cells = self._masses[0].size
 
@@ -121,8 +147,8 @@ class TargetWindow:
         for step, index in enumerate(where):
             self._kept[step][index] = 1.0
         steps = range(len(where))
-        self._change(self._masses, steps, self._forward, where, 1.0)
-        self._change(self._losses, steps[::-1], self._backward, where, 1.0)
+        self._change(self._masses, steps, self._forward, where, sign=1.0)
+        self._change(self._losses, steps[::-1], self._backward, where, sign=1.0)
         return self._gained(found, self._losses, where)[:, 0]
 
     def gains(self, boxes: Boxes) -> Floats:
@@ -137,20 +163,19 @@ class TargetWindow:
         gains = np.array([self._masses, self._masses - self._target.detection * stayed])
         gains *= self._losses
         gains *= self._target.detection
-        y, x = (
-            np.arange(boxes.height) + boxes.top[:, None],
-            np.arange(boxes.width) + boxes.left[:, None],
-        )
-        if self._matrices:
-            y, x = y - self._top, x - self._left
+        y = boxes.rows
+        x = boxes.columns
+        if self._transitions:
+            y = y - self._boxes.top[:, None]
+            x = x - self._boxes.left[:, None]
             total = gains[:, :, 0] if gains.shape[2] == 1 else gains.sum(axis=2)
         else:
-            total = self._target.chain.map(np.moveaxis(gains, 2, -3))
+            total = self._target.model.map(np.moveaxis(gains, 2, -3))
         box = np.arange(len(y))[:, None, None]
         inner: Floats = total.swapaxes(2, 3)[..., box, y[:, :, None], x[:, None]]
         return inner.swapaxes(2, 3)
 
-    def add(self, cells: Ints, searches: Flags, is_last: bool) -> Floats:
+    def add(self, cells: Ints, searches: Flags, *, is_last: bool) -> Floats:
         """Add the searches of one drone in each box, by m candidates; returns their gains, (K, m).
 
         Args:
@@ -158,34 +183,41 @@ class TargetWindow:
             searches: whether it searches in each step: (L, K, m).
             is_last: whether nothing else will be added, so that only the gains matter.
         """
-        where, steps = self._indices(cells, searches), range(len(cells))
+        where = self._indices(cells, searches)
+        steps = range(len(cells))
         shape = (*self._masses.shape[:3], cells.shape[-1], *self._masses.shape[-2:])
-        masses, losses = (np.broadcast_to(values, shape) for values in (self._masses, self._losses))
+        masses = np.broadcast_to(self._masses, shape)
+        losses = np.broadcast_to(self._losses, shape)
         if not is_last:
             masses = masses.copy()
-        found = self._change(masses, steps, self._forward, where, -1.0)
+        found = self._change(masses, steps, self._forward, where, sign=-1.0)
         gained = self._gained(found, losses, where)
-        if not is_last:
-            self._masses, self._losses = masses, losses.copy()
-            self._change(self._losses, steps[::-1], self._backward, where, -1.0)
-            self._kept = np.broadcast_to(self._kept, (len(where), 1, *shape[2:])).copy()
-            for step, index in enumerate(where):
-                self._kept[step][index] = 1.0 - self._target.detection
+        if is_last:
+            return gained
+        self._masses = masses
+        self._losses = losses.copy()
+        self._change(self._losses, steps[::-1], self._backward, where, sign=-1.0)
+        self._kept = np.broadcast_to(self._kept, (len(where), 1, *shape[2:])).copy()
+        for step, index in enumerate(where):
+            self._kept[step][index] = 1.0 - self._target.detection
         return gained
 
-    def _gained(self, found: list[Floats], losses: Floats, where: list[tuple[Any, ...]]) -> Floats:
+    def _gained(self, found: list[Floats], losses: Floats, where: list[Index]) -> Floats:
         """What searches gain, (K, m), given the masses that they meet."""
         gained = np.zeros(losses.shape[2:4])
         for mass, loss, index in zip(found, losses, where, strict=True):
             gained[index[1:3]] += (mass * loss[index]).sum(axis=0)
         return gained * self._target.detection
 
-    def _indices(self, cells: Ints, searches: Flags) -> list[tuple[Any, ...]]:
+    def _indices(self, cells: Ints, searches: Flags) -> list[Index]:
         """The index of the searched states in each step, given the arguments of `add`."""
-        size, places = self._target.chain.grid_size, self._target.chain.places
-        y, x = np.divmod(cells if self._matrices else places[cells], size)
-        if self._matrices:
-            y, x = y - self._top, x - self._left
+        model = self._target.model
+        if self._transitions:
+            row, column = np.divmod(cells, model.grid_size)
+            y = row - self._boxes.top[:, None]
+            x = column - self._boxes.left[:, None]
+        else:
+            y, x = np.divmod(model.slots[cells], model.grid_size)
         indices = []
         for step, searching in enumerate(searches):
             who = searching.nonzero()
@@ -197,14 +229,16 @@ class TargetWindow:
         values: Floats,
         steps: range,
         drift: Callable[[Floats, int], Floats],
-        where: list[tuple[Any, ...]],
+        where: list[Index],
+        *,
         sign: float,
     ) -> list[Floats]:
         """Remove (sign 1) or add (sign -1) searches, from one end of the window to the other.
 
         Returns the values of the searched states; all others change if they are not read-only.
         """
-        more, searched = np.zeros(values.shape[1:], values.dtype), []
+        more = np.zeros(values.shape[1:], values.dtype)
+        searched = []
         for step in steps:
             here = values[step][where[step]]
             if sign < 0.0:
@@ -220,27 +254,34 @@ class TargetWindow:
 
     def _forward(self, mass: Floats, step: int) -> Floats:
         """The mass, [layer, box, candidate, y, x], one step later."""
-        if not self._matrices:
-            return self._each(self._target.chain.forward, mass, self._first + step)
-        along_x, along_y = self._matrices[step]
+        if not self._transitions:
+            return self._each(self._target.model.forward, mass, self._first + step)
+        along_x, along_y = self._transitions[step]
         moved: Floats = along_y.swapaxes(-1, -2) @ mass @ along_x
         return moved
 
     def _backward(self, value: Floats, step: int) -> Floats:
         """The expected value, [layer, box, candidate, y, x], one step earlier."""
-        if not self._matrices:
-            return self._each(self._target.chain.backward, value, self._first + step - 1)
-        along_x, along_y = self._matrices[step - 1]
+        if not self._transitions:
+            return self._each(self._target.model.backward, value, self._first + step - 1)
+        along_x, along_y = self._transitions[step - 1]
         expected: Floats = along_y @ value @ along_x.swapaxes(-1, -2)
         return expected
 
     def _each(self, drift: Callable[[Floats, int], Floats], values: Floats, step: int) -> Floats:
-        """The drift of each candidate's values, for a model without matrices."""
+        """The drift of each candidate's values, for a model without transitions."""
         after = [drift(values[:, 0, number], step) for number in range(values.shape[2])]
         return np.stack(after, axis=1)[:, None]
 
 
+def _flat_indices(rows: Ints, columns: Ints, size: int) -> Ints:
+    """The indices row * size + column of all pairs in each box: (K, 1, rows, columns)."""
+    indices: Ints = rows[:, None, :, None] * size + columns[:, None, None, :]
+    return indices
+
+
 def _part(values: Floats, at: Ints) -> Floats:
     """Values (..., N, N) at some indices of their last two axes together, (...)."""
-    part: Floats = values.reshape(*values.shape[:-2], -1).take(at, axis=-1).astype(np.float32)
+    flat = values.reshape(*values.shape[:-2], -1)
+    part: Floats = flat.take(at, axis=-1).astype(np.float32)
     return part

@@ -22,7 +22,7 @@ from DroneSwarmSearch.core.grid import neighbours_in_box
 FORBIDDEN = -np.inf  # the value of a cell that a drone must not be in
 
 
-class Path(NamedTuple):
+class DronePath(NamedTuple):
     """One drone's path over n steps.
 
     Attributes:
@@ -56,12 +56,14 @@ def values_to_go(
     values = np.empty((2, n + 1, *gains.shape[1:]), gains.dtype)
     values[:, n] = at_end
     flat = values.reshape(*values.shape[:-2], -1)
-    again = gains if again is None else again
+    if again is None:
+        again = gains
     for step in range(n - 1, -1, -1):
         if len(blocked):
             for index in blocked[step]:
                 flat[0, step + 1][index] = flat[1, step + 1][index] = FORBIDDEN
-        (ahead, searched), (here, here_again) = values[:, step + 1], values[:, step]
+        ahead, searched = values[:, step + 1]
+        here, here_again = values[:, step]
         # A drone that waits searches, since gains are never negative.
         np.add(again[step], searched, out=here_again)
         here[..., :1, :] = FORBIDDEN
@@ -97,17 +99,20 @@ def best_paths(
         search, (n, m).
     """
     n, _, height, width = gains.shape
-    ahead_of, first = neighbours_in_box(height, width), which * (height * width)
-    cells, searches = np.empty((n + 1, len(starts)), np.int64), np.zeros((n, len(starts)), np.bool_)
+    ahead_of = neighbours_in_box(height, width)
+    first = which * (height * width)
+    cells = np.empty((n + 1, len(starts)), np.int64)
+    searches = np.zeros((n, len(starts)), np.bool_)
     cells[0] = here = starts
-    again = gains if again is None else again
+    if again is None:
+        again = gains
     just_searched = np.zeros(len(starts), np.bool_)
     for step in range(n):
-        place = first + here
-        gain = np.where(just_searched, again[step].take(place), gains[step].take(place))
+        flat = first + here
+        gain = np.where(just_searched, again[step].take(flat), gains[step].take(flat))
         ahead = ahead_of[:, here]
         options = np.where(ahead == here, FORBIDDEN, values[0, step + 1].take(first + ahead))
-        options[0] = gain + values[1, step + 1].take(place)
+        options[0] = gain + values[1, step + 1].take(flat)
         chosen = options.argmax(axis=0)
         just_searched = chosen == 0
         searches[step] = just_searched & (gain > 0.0)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Pair
-from DroneSwarmSearch.drift.leeway import KNOT
+
+KNOT = 1852 / 3600
+"""One knot in m/s."""
 
 Units = Mapping[str, float]
 
@@ -87,3 +91,31 @@ def minutes(value: float, letters: str) -> str:
     value = (value + 10800) % 21600 - 10800
     whole, rest = divmod(round(10 * abs(value)), 600)
     return f"{whole:0{2 + (letters == 'EW')}}°{rest / 10:04.1f}'{letters[int(value < 0)]}"
+
+
+def wind_from(direction: float, speed: float) -> Pair:
+    """The vector of a wind that comes from a direction, as winds are reported.
+
+    Args:
+        direction: where the wind comes from, in degrees clockwise from north.
+        speed: at least 0. Multiply knots by `KNOT` for m/s.
+
+    Returns:
+        (east, north): where the wind blows to, in the unit of the speed.
+
+    Raises:
+        TypeError: an argument is not a number.
+        ValueError: an argument is not finite, or the speed is negative.
+    """
+    east, north = current_towards(direction, speed)
+    return 0.0 - east, 0.0 - north
+
+
+def current_towards(direction: float, speed: float) -> Pair:
+    """The vector of a current that sets towards a direction, as currents are reported.
+
+    Like `wind_from`, but the direction is where the current flows to.
+    """
+    angle = math.radians(checks.real("direction", direction) % 360)
+    length = checks.real("speed", speed, 0)
+    return length * math.sin(angle), length * math.cos(angle)

@@ -11,15 +11,13 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Pair
-from DroneSwarmSearch._internal.extras import needed
-from DroneSwarmSearch.drift.plane import TangentPlane
-from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.geo.netcdf import TooLargeError, check_size, opened, since_1970
+from DroneSwarmSearch.geo.plane import TangentPlane
+from DroneSwarmSearch.geo.scale import Scale
 
 USUAL = {"lon": "longitude", "lat": "latitude"}  # names of variables without a standard name
 FASTEST = 15.0  # m/s, along each axis; nothing drifts so fast
 FAR = 1.0  # degrees from (0, 0), at which other tracks make one there a mistake
-
-MOST_VALUES = 2**27  # of a variable, 1 GiB as float64; small files may unpack to much more
 
 MOST_LOST = 0.1  # the largest share of lost tracks: nobody knows what became of them
 
@@ -192,37 +190,6 @@ def _refuse(
         f"{path} must hold {what}, got ({latitude:g}, {longitude:g}) in element {element} at "
         f"{_utc(seconds[time])}, and {np.count_nonzero(wrong) - 1:,} others: {hint}"
     )
-
-
-class TooLargeError(ValueError):
-    """A variable has more values than are read."""
-
-
-def check_size(path: Path, name: str, size: int) -> None:
-    """Raise an error before a variable of so many values is read."""
-    if size > MOST_VALUES:
-        raise TooLargeError(
-            f"{path} must have at most {MOST_VALUES:,} values in a variable, got {size:,} in "
-            f"{name}: save a smaller area or fewer times"
-        )
-
-
-def opened(path: Path) -> Any:
-    """A NetCDF file, to read and close."""
-    netcdf = needed("netCDF4", "reading NetCDF needs the package netCDF4", "tracks")
-    try:
-        return netcdf.Dataset(path)
-    except OSError as error:
-        raise ValueError(f"{path} must be a NetCDF file, got another: {error}") from None
-
-
-def since_1970(values: Any, time: Any) -> Floats:
-    """Values of the variable `time` in seconds since 1970; CF times have no zone, so mean UTC."""
-    import netCDF4
-
-    calendar = getattr(time, "calendar", "standard")
-    dates: Any = netCDF4.num2date(values, time.units, calendar, False, True)
-    return np.array([date.replace(tzinfo=timezone.utc).timestamp() for date in np.ma.filled(dates)])
 
 
 def _tracked(

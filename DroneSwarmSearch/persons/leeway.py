@@ -31,22 +31,11 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Pair
-from DroneSwarmSearch.drift.hypotheses import MAX_DIFFUSION, Drift, displaced
-from DroneSwarmSearch.drift.persons import Person, warn_of_mass_beyond
-from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.geo.scale import Scale
+from DroneSwarmSearch.persons.hypotheses import MAX_DIFFUSION, Drift, displaced
+from DroneSwarmSearch.persons.person import Person, warn_of_mass_beyond
 
-__all__ = [
-    "CLASSES",
-    "KNOT",
-    "ObjectClass",
-    "current_towards",
-    "person",
-    "wind_from",
-]
-
-
-KNOT = 1852 / 3600
-"""One knot in m/s."""
+__all__ = ["CLASSES", "ObjectClass", "person"]
 
 DIFFUSIVITY = 5.0  # of the turbulent sea, in m²/s
 JIBING = 0.04  # the probability that an object changes sides in an hour
@@ -171,34 +160,6 @@ CLASSES: Mapping[str, ObjectClass] = MappingProxyType(_load())
 """The object classes by name, such as ``"PIW-1"``, a person in the water in an unknown state."""
 
 
-def wind_from(direction: float, speed: float) -> Pair:
-    """The vector of a wind that comes from a direction, as winds are reported.
-
-    Args:
-        direction: where the wind comes from, in degrees clockwise from north.
-        speed: at least 0. Multiply knots by `KNOT` for m/s.
-
-    Returns:
-        (east, north): where the wind blows to, in the unit of the speed.
-
-    Raises:
-        TypeError: an argument is not a number.
-        ValueError: an argument is not finite, or the speed is negative.
-    """
-    east, north = current_towards(direction, speed)
-    return 0.0 - east, 0.0 - north
-
-
-def current_towards(direction: float, speed: float) -> Pair:
-    """The vector of a current that sets towards a direction, as currents are reported.
-
-    Like `wind_from`, but the direction is where the current flows to.
-    """
-    angle = math.radians(checks.real("direction", direction) % 360)
-    length = checks.real("speed", speed, 0)
-    return length * math.sin(angle), length * math.cos(angle)
-
-
 def person(
     object_class: str | ObjectClass,
     *,
@@ -226,7 +187,7 @@ def person(
             "PIW-1",
             start=(30, 30),
             position_sd=500,
-            wind=leeway.wind_from(240, 20 * leeway.KNOT),
+            wind=geo.wind_from(240, 20 * geo.KNOT),
             current={0: (0.1, 0.2), 3 * 3600: (-0.1, -0.2)},
             adrift=3600,
             scale=Scale.for_drone(speed=10, swath=130),
@@ -237,10 +198,10 @@ def person(
         start: the last known position, a cell (x, y); real numbers, also outside the grid, if
             `position_sd` or `adrift` is positive.
         position_sd: its standard deviation along each axis, in metres.
-        wind: at a height of 10 m, in m/s, (east, north): where it blows to; see `wind_from`. Or a
-            mapping of seconds from the last known position to winds, linear in between, and
+        wind: at a height of 10 m, in m/s, (east, north): where it blows to; see `geo.wind_from`.
+            Or a mapping of seconds from the last known position to winds, linear in between, and
             constant before the first and after the last one.
-        current: in m/s, (east, north): where it flows to; see `current_towards`. Or a mapping.
+        current: in m/s, (east, north): where it flows to; see `geo.current_towards`. Or a mapping.
         diffusivity: of the turbulent sea, in m²/s; usually 1 to 10.
         adrift: seconds from the last known position to the search, rounded to whole steps.
         jibing: how often the object changes the side of the wind, per hour, from 0 to 1. Jibes

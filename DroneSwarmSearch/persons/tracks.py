@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Floats
 from DroneSwarmSearch._internal.files import replacing
-from DroneSwarmSearch.drift import track_files
-from DroneSwarmSearch.drift.known import KnownDrift
-from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.geo.scale import Scale
+from DroneSwarmSearch.persons import track_files
+from DroneSwarmSearch.persons.known import KnownDrift
 
 FARTHEST = 200
 """Cells from the given cell; if no track comes nearer, the position is probably a mistake."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Pair, Singles
 from DroneSwarmSearch._internal.text import printable
-from DroneSwarmSearch.drift.track_files import check_size, opened, since_1970
+from DroneSwarmSearch.geo.netcdf import check_size, opened, since_1970
 
 NAMES = {
     "current": (

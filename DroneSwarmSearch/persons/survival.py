@@ -21,7 +21,7 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.erf import erf
-from DroneSwarmSearch.drift.scale import Scale
+from DroneSwarmSearch.geo.scale import Scale
 
 __all__ = ["curve", "hayward"]
 
