@@ -54,6 +54,7 @@ from DroneSwarmSearch.drift.belief import Belief
 from DroneSwarmSearch.drift.models import drift_model
 from DroneSwarmSearch.evaluation import evaluate, plots, search
 from DroneSwarmSearch.incident import Incident, flights
+from DroneSwarmSearch.incident import plan as plan_flights
 from DroneSwarmSearch.policies import POLICIES, GreedyPolicy
 from DroneSwarmSearch.policies.datum import Datum
 from DroneSwarmSearch.rendering import palette
@@ -736,7 +737,8 @@ def incident(theme: Theme, sampling: Sampling) -> Figure:
         wind="300 20kn",
         current="160 0.5kn",
     )
-    plan, known = raft.plan(), raft.plane.metres(*raft.position)
+    plan = plan_flights(raft)
+    known = raft.plane.metres(*raft.position)
     chart = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     maps = chart.subplots(1, 2, sharex=True, sharey=True)
     times = plan.on_scene, plan.landed

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import geo, leeway
 from DroneSwarmSearch.geo.plane import EQUATOR
-from DroneSwarmSearch.incident import FlightPlan, Incident
+from DroneSwarmSearch.incident import FlightPlan, Incident, plan
 
 Floats = NDArray[np.float64]
 
@@ -53,7 +53,10 @@ def random_incident(rng: np.random.Generator) -> Incident:
 def simulated(incident: Incident, until: float, options: argparse.Namespace) -> Floats:
     """OpenDrift's objects in metres on the plane of the incident: (times, objects, 2)."""
     known = opendrift.Incident(
-        incident.object_class, incident.wind, incident.current, position_sd=0.0
+        incident.object_class,
+        incident.wind.vectors_from(0.0)[0.0],
+        incident.current.vectors_from(0.0)[0.0],
+        position_sd=0.0,
     )
     tracks = known.tracks(until / 3600 + 0.5, options)
     at = np.arange(0, until + STEP, STEP) / opendrift.TRACK_SECONDS
@@ -72,12 +75,12 @@ def simulated(incident: Incident, until: float, options: argparse.Namespace) -> 
     return np.array(found)
 
 
-def found(plan: FlightPlan, options: argparse.Namespace) -> float:
+def found(flights: FlightPlan, options: argparse.Namespace) -> float:
     """The share of OpenDrift's objects that the flights find."""
-    incident = plan.incident
-    tracks = simulated(incident, incident.seconds(plan.landed), options)
+    incident = flights.incident
+    tracks = simulated(incident, incident.seconds(flights.landed), options)
     passed = np.zeros(tracks.shape[1])
-    for flight in plan.flights:
+    for flight in flights.flights:
         places = incident.plane.metres(
             [each.latitude for each in flight], [each.longitude for each in flight]
         )
@@ -109,16 +112,18 @@ def main() -> None:
     for seed in range(options.seed, options.seed + options.incidents):
         incident = random_incident(np.random.default_rng(seed))
         try:
-            plan = incident.plan()
+            flights = plan(incident)
         except ValueError as error:
             print(f"{incident.object_class:>23}  refused: {error}")
             continue
-        stated, share = plan.probability_of_success, found(plan, options)
+        stated = flights.probability_of_success
+        share = found(flights, options)
         excess.append(stated - share)
         adrift = (incident.start - incident.time).total_seconds() / 3600
+        wind = np.hypot(*incident.wind.vectors_from(0.0)[0.0])
         print(
             f"{incident.object_class:>23}  {incident.position[0]:7.1f}°  "
-            f"{np.hypot(*incident.wind):4.1f}  {adrift:4.1f} h  {stated:6.1%}  {share:.1%}",
+            f"{wind:4.1f}  {adrift:4.1f} h  {stated:6.1%}  {share:.1%}",
             flush=True,
         )
     points = 100 * np.array(excess)

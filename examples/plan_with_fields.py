@@ -19,7 +19,7 @@ import netCDF4
 import numpy as np
 
 from DroneSwarmSearch.geo.plane import TangentPlane
-from DroneSwarmSearch.incident import Incident
+from DroneSwarmSearch.incident import Incident, plan, simulate, write
 
 MIDDLE = 54.2, 7.9
 COAST = 0.06  # degrees of latitude to either side
@@ -41,7 +41,7 @@ def wind(seconds: Any, latitude: Any, longitude: Any) -> Any:
     return np.array([6 + 5 * (longitude - MIDDLE[1]), -3 + 0 * latitude])
 
 
-def write(path: Path, field: Any, names: tuple[str, str], points: int) -> None:
+def write_field(path: Path, field: Any, names: tuple[str, str], points: int) -> None:
     """Write a field every half hour, on a grid of some points along each axis."""
     latitudes = MIDDLE[0] + np.linspace(-0.3, 0.3, points)
     longitudes = MIDDLE[1] + np.linspace(-0.5, 0.5, points)
@@ -76,8 +76,8 @@ def main() -> None:
     folder = parser.parse_args().out
     folder.mkdir(parents=True, exist_ok=True)
     names = "eastward_sea_water_velocity", "northward_sea_water_velocity"
-    write(folder / "ocean.nc", current, names, 300)
-    write(folder / "weather.nc", wind, ("x_wind", "y_wind"), 30)
+    write_field(folder / "ocean.nc", current, names, 300)
+    write_field(folder / "weather.nc", wind, ("x_wind", "y_wind"), 30)
     incident = Incident(
         position=(54.19, 7.86),
         time="2026-03-01T01:00Z",
@@ -100,15 +100,15 @@ def main() -> None:
         current_error=0,
     )
     begin, end = 3600.0, 3 * 3600.0
-    there = still.plane.degrees(still.particles(20_000, 0).mean(end - begin))
+    there = still.plane.degrees(simulate(still, 20_000, 0).mean(end - begin))
     start = PLANE.metres(*incident.position)
     exact = integrated(np.tile(start, (5000, 1)), begin, end).mean(axis=0)
     off, way = np.hypot(*(PLANE.metres(*there) - exact)), np.hypot(*(exact - start))
     print(f"after 2 hours, the particles' mean is {off:.0f} m from the exact one, {way:.0f} m away")
-    plan = incident.plan()
-    plan.save(folder / "plan")
-    print(incident.sentence, *plan.orders, *plan.assumptions, sep="\n")
-    print(f"probability of success: {plan.probability_of_success:.0%}")
+    flights = plan(incident)
+    write(flights, folder / "plan")
+    print(incident.sentence, *flights.orders, *flights.assumptions, sep="\n")
+    print(f"probability of success: {flights.probability_of_success:.0%}")
 
 
 if __name__ == "__main__":

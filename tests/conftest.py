@@ -9,7 +9,7 @@ from hypothesis import settings
 # Tests run in parallel processes, whose BLAS threads would only compete. NumPy reads this once.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from DroneSwarmSearch.incident import choice, flight_plan, planned_flights
+from DroneSwarmSearch.incident import choice, planning
 from DroneSwarmSearch.paths import joint_plan
 
 # The same examples in each run; `--hypothesis-profile explore` draws others, and more of them.
@@ -30,13 +30,13 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 QUICK = {
     (joint_plan, "ENOUGH"): 1,
     (choice, "GENERATIONS"): 3,
-    (flight_plan, "MANY"): 2_000,
-    (planned_flights, "FIGURES"): 4_000,
+    (planning, "MANY"): 2_000,
+    (planning, "FIGURES"): 4_000,
 }
 GOOD = {
     (joint_plan, "ENOUGH"): 40,
-    (flight_plan, "MANY"): flight_plan.MANY,
-    (planned_flights, "FIGURES"): planned_flights.FIGURES,
+    (planning, "MANY"): planning.MANY,
+    (planning, "FIGURES"): planning.FIGURES,
 }
 """Little work of the planners, and work that suffices for small searches and exact figures."""
 

@@ -205,7 +205,7 @@ class TestOptions:
             wind=(8, 4),
             endurance=1500,
         )
-        incident.save(tmp_path / "raft.json")
+        incident.write(tmp_path / "raft.json")
         assert cli.main(["play", str(tmp_path / "raft.json"), "--text"]) == 0
         captured = capsys.readouterr()
         assert captured.err == ""

@@ -1,20 +1,25 @@
 """Fields of current and wind: files of several conventions, land, and persons who drift in them."""
 
 import math
+from datetime import datetime, timezone
 from typing import Any
 
 import numpy as np
 import pytest
 
 from DroneSwarmSearch.geo.fields import Field
-from DroneSwarmSearch.incident import Incident, chart
+from DroneSwarmSearch.geo.flows import Origin
+from DroneSwarmSearch.incident import Incident, simulate
+from DroneSwarmSearch.incident import plan as plan_flights
+from DroneSwarmSearch.incident.drone import drone_of
+from DroneSwarmSearch.incident.files import chart
 
 nc = pytest.importorskip("netCDF4")
 
 HERE = (54.2, 7.9)
 HOURS = np.arange(0.0, 9.0, 0.5)
 CURRENT = "eastward_sea_water_velocity", "northward_sea_water_velocity"
-MIDNIGHT = 1772323200.0  # 2026-03-01, in seconds since 1970
+MIDNIGHT = datetime(2026, 3, 1, tzinfo=timezone.utc)
 KNOWN: dict[str, Any] = {
     "position": HERE,
     "time": "2026-03-01T01:00Z",
@@ -116,14 +121,17 @@ def write(
 )
 def test_files_of_many_conventions_are_read(options, middle, tmp_path):
     path = write(tmp_path / "a.nc", shear, middle=middle, **options)
-    field = Field.read(path, "current", (HERE[0], middle))
+    field = Field.read(path, "current", Origin((HERE[0], middle), MIDNIGHT))
     rng = np.random.default_rng(0)
     latitude, longitude = HERE[0] + rng.uniform(-0.1, 0.1, 50), middle + rng.uniform(-0.2, 0.2, 50)
-    expected = shear(9000.0, latitude, longitude)
-    wrapped = (longitude + 180) % 360 - 180
-    assert field.at(MIDNIGHT + 9000.0, latitude, wrapped) == pytest.approx(expected, abs=2e-4)
-    several = field.at(MIDNIGHT + np.full(50, 9000.0), latitude, wrapped)
-    assert several == pytest.approx(expected, abs=2e-4)
+    # North of the plane is north at its origin; elsewhere, the meridians have turned.
+    turned = np.radians(longitude - middle) * math.sin(math.radians(HERE[0]))
+    east, north = shear(9000.0, latitude, longitude)
+    expected = np.array([east - turned * north, north + turned * east])
+    points = field.origin.plane.metres(latitude, longitude).T
+    assert field.velocity(9000.0, points) == pytest.approx(expected, abs=3e-4)
+    several = field.velocity(np.full(50, 9000.0), points)
+    assert several == pytest.approx(expected, abs=3e-4)
 
 
 def test_values_are_interpolated_up_to_the_last_of_each_axis(tmp_path):
@@ -131,11 +139,12 @@ def test_values_are_interpolated_up_to_the_last_of_each_axis(tmp_path):
         """Nothing but for the last value of each axis."""
         return np.array([axis == axis.max() for axis in (seconds, latitude)], float)
 
-    field = Field.read(write(tmp_path / "a.nc", last), "current", HERE)
+    field = Field.read(write(tmp_path / "a.nc", last), "current", Origin(HERE, MIDNIGHT))
     latitude, longitude = HERE[0] + np.array([0.0, 0.15 - 0.005 / 4]), np.full(2, HERE[1])
-    end, step = MIDNIGHT + 3600 * HOURS[-1], 1800.0
+    points = field.origin.plane.metres(latitude, longitude).T
+    end, step = 3600 * HOURS[-1], 1800.0
     for before, expected in ((0.25, [[0.75, 0.75], [0, 0.75]]), (1.0, [[0, 0], [0, 0.75]])):
-        flow = field.at(end - before * step, latitude, longitude)
+        flow = field.velocity(end - before * step, points)
         assert flow == pytest.approx(np.array(expected), abs=1e-3)
 
 
@@ -143,7 +152,7 @@ def test_values_are_interpolated_up_to_the_last_of_each_axis(tmp_path):
 def test_particles_follow_the_exact_tracks(field, most, tmp_path):
     """Both fields are linear, so the mean of the particles drifts as a single one would."""
     incident = Incident(**KNOWN, current=write(tmp_path / "ocean.nc", field))
-    cloud, place, way = incident.particles(20_000, 0), np.zeros(2), 0.0
+    cloud, place, way = simulate(incident, 20_000, 0), np.zeros(2), 0.0
     for seconds in np.arange(3600.0, 3 * 3600.0, 5.0):
         middle = place + 2.5 * field(seconds, *incident.plane.degrees(place))
         move = 5 * field(seconds + 2.5, *incident.plane.degrees(middle))
@@ -154,11 +163,11 @@ def test_particles_follow_the_exact_tracks(field, most, tmp_path):
 
 def test_persons_strand_and_are_found_ashore(tmp_path):
     incident = Incident(**KNOWN, current=write(tmp_path / "ocean.nc", strait, points=121))
-    cloud = incident.particles(5000, 0)
+    cloud = simulate(incident, 5000, 0)
     assert cloud.ashore > 0.95
     assert cloud.at(9000)[:, 1] == pytest.approx(2000, abs=200)
     assert (cloud.at(9000) == cloud.at(8700)).mean() > 0.95
-    plan = incident.plan()
+    plan = plan_flights(incident)
     assert plan.probability_of_success > 0.6
     assert any(" of the persons strand by 03:" in each for each in plan.assumptions)
     assert "current of A model, 2026-03-01 00:00 to 2026-03-01 08:30 UTC" in incident.sentence
@@ -172,14 +181,14 @@ def test_drones_fly_in_the_wind_of_the_file(tmp_path):
     order = ("time", "height", "lat", "lon")
     path = write(tmp_path / "weather.nc", shear, names, level=level, order=order)
     incident = Incident(**{**KNOWN, "wind": str(path)})
-    drone = incident.drone(0)
+    drone = drone_of(incident, 0)
     places = np.array([[0.0, 500.0], [3000.0, -3000.0]])
     blown = drone.wind(np.array([0.0, 1800.0]), places)
     degrees = incident.plane.degrees(places.T).T
     expected = shear(np.array([3 * 3600.0, 3.5 * 3600.0]), *degrees) * 10**0.11
     assert blown == pytest.approx(expected, abs=1e-3)
-    assert incident.plan().probability_of_success > 0
-    assert Incident(**KNOWN).particles(100, 0).ashore == 0
+    assert plan_flights(incident).probability_of_success > 0
+    assert simulate(Incident(**KNOWN), 100, 0).ashore == 0
 
 
 def test_files_need_to_cover_the_persons_only(tmp_path):
@@ -188,14 +197,14 @@ def test_files_need_to_cover_the_persons_only(tmp_path):
     ocean = write(tmp_path / "ocean.nc", shear)
     known = {**KNOWN, "time": "2026-03-01T07:00Z", "start": "2026-03-01T07:55Z", "swath": 500}
     incident = Incident(**{**known, "wind": path, "speed": 60, "position_sd": 3000}, current=ocean)
-    plan = incident.plan()
+    plan = plan_flights(incident)
     assert plan.probability_of_success > 0
     chart.draw(plan, [0])
 
 
 def test_an_incident_with_fields_survives_its_file(tmp_path):
     incident = Incident(**KNOWN, current=write(tmp_path / "ocean.nc", shear))
-    incident.save(tmp_path / "plan" / "incident.json")
+    incident.write(tmp_path / "plan" / "incident.json")
     assert '"../ocean.nc"' in (tmp_path / "plan" / "incident.json").read_text("utf-8")
     assert Incident.read(tmp_path / "plan" / "incident.json") == incident
 
@@ -224,4 +233,4 @@ def test_unsuitable_files_are_refused(values, options, message, tmp_path):
     still = strait if "order" not in options else lambda *grid: strait(*grid)[:, 0]
     path = write(tmp_path / "ocean.nc", still, **options)
     with pytest.raises(ValueError, match=message):
-        Incident(**{**KNOWN, **values}, current=path).particles(100, 0)
+        simulate(Incident(**{**KNOWN, **values}, current=path), 100, 0)

@@ -10,13 +10,14 @@ import pytest
 
 from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.incident import FlightPlan, Incident
+from DroneSwarmSearch.incident import plan as plan_flights
 
 pytest.importorskip("matplotlib")
 
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from DroneSwarmSearch.incident import chart
+from DroneSwarmSearch.incident.files import chart
 
 
 @cache
@@ -31,7 +32,7 @@ def planned(position: tuple[float, float], base: tuple[float, float], drones: in
         drones=drones,
         endurance=1800,
     )
-    return incident.plan()
+    return plan_flights(incident)
 
 
 def raft(drones: int = 3) -> FlightPlan:
@@ -136,7 +137,8 @@ def test_tracks_differ_without_colours():
 
 def test_the_files_are_of_one_size_and_equal_maps_make_equal_files(tmp_path):
     for folder in (tmp_path / "first", tmp_path / "second"):
-        chart.save(raft(1), folder)
+        folder.mkdir()
+        chart.write(raft(1), folder)
     png = (tmp_path / "first" / "map.png").read_bytes()
     assert int.from_bytes(png[16:20], "big") == 1322
     svg = (tmp_path / "first" / "map.svg").read_bytes()

@@ -16,7 +16,10 @@ import pytest
 
 from DroneSwarmSearch import cli
 from DroneSwarmSearch._internal.progress import progress
-from DroneSwarmSearch.incident import FlightPlan, Incident, chart
+from DroneSwarmSearch.commands import plan as command
+from DroneSwarmSearch.incident import FlightPlan, Incident, simulate, write
+from DroneSwarmSearch.incident import plan as plan_flights
+from DroneSwarmSearch.incident.files import chart
 
 pytest.importorskip("cmaes")
 nc = pytest.importorskip("netCDF4")
@@ -35,13 +38,13 @@ HERE = f"{OPTIONS} {PLACE} --wind 300 10kn"
 
 @pytest.fixture(scope="module")
 def plan():
-    return Incident(**KNOWN, drones=3).plan()
+    return plan_flights(Incident(**KNOWN, drones=3))
 
 
 @pytest.fixture(scope="module")
 def small(plan):
     """A plan of fewer drones, elsewhere."""
-    return Incident(**{**KNOWN, "position": (-17.0, 180.0)}, drones=1).plan()
+    return plan_flights(Incident(**{**KNOWN, "position": (-17.0, 180.0)}, drones=1))
 
 
 def refused(capsys: Any, options: str, *more: str) -> str:
@@ -117,16 +120,16 @@ REFUSED = {
     ),
     "an endurance of days": (
         f"--time 2026-03-01T05:30Z --object PIW-1 --endurance 100h {PLACE} --wind 300 10kn",
-        "--endurance must be a finite number of at least 0 and at most 43200",
+        "--endurance must be above 0 and at most 12 h, got '100h'",
     ),
-    "a thin strip": (f"{HERE} --swath 0.000001m", "--swath must be a finite number of at least 1"),
-    "a wide strip": (f"{HERE} --swath 11km", "--swath must be a finite number of at least 1 and"),
+    "a thin strip": (f"{HERE} --swath 0.000001m", "--swath must be from 1 m to 10 km, got '0.0"),
+    "a wide strip": (f"{HERE} --swath 11km", "--swath must be from 1 m to 10 km, got '11km'"),
     "a fast drone": (
         f"{HERE} --speed 1000000m/s",
-        "--speed must be a finite number of at least 0",
+        "--speed must be above 0 and at most 200 m/s",
     ),
-    "a long turn": (f"{HERE} --turn 1h", "--turn must be a finite number"),
-    "a large error": (f"{HERE} --error 200km", "--error must be a finite number"),
+    "a long turn": (f"{HERE} --turn 1h", "--turn must be from 0 to 10 min, got '1h'"),
+    "a large error": (f"{HERE} --error 200km", "--error must be from 0 to 100 km, got '200km'"),
     "a certain find": (f"{HERE} --detection 1.1", "--detection must be a finite number"),
     "a grib file": (
         f"{OPTIONS} {PLACE} --wind gfs.grib2",
@@ -164,14 +167,14 @@ def test_options_are_refused_by_name(capsys, monkeypatch, tmp_path, options, mes
 
 
 def test_a_repeated_option_of_other_commands(capsys):
-    for command in (
+    for words in (
         ["evaluate", "random", "pond", "--episodes", "5", "--episodes", "6"],
         ["leaderboard", "--searches", "pond", "--searches", "fog"],
         ["record", "pond", "--out", "a.gif", "--seed", "1", "--seed", "2"],
         ["play", "pond", "--seed", "1", "--seed", "2"],
     ):
         with pytest.raises(SystemExit, match="2"):
-            cli.main(command)
+            cli.main(words)
         assert "must be given once, got" in capsys.readouterr().err
 
 
@@ -213,7 +216,8 @@ def test_files_of_winds_are_refused_by_name(tmp_path, content, message):
 def test_suffixes_may_have_capitals(tmp_path):
     path = tmp_path / "WIND.CSV"
     path.write_bytes(b"\xef\xbb\xbftime,direction,speed\r\n05:00Z,0,1m/s\r\n05:45Z,0,2m/s\r\n")
-    assert [*Incident(**{**KNOWN, "wind": path}).wind] == [-1800.0, 900.0]
+    wind = Incident(**{**KNOWN, "wind": path}).wind
+    assert list(wind.vectors_from(0.0)) == [-1800.0, 900.0]
 
 
 @pytest.mark.parametrize(
@@ -267,7 +271,7 @@ def test_values_are_refused_by_name(values, error, message):
 
 def test_incident_files(tmp_path, capsys):
     path = tmp_path / "incident.json"
-    Incident(**KNOWN).save(path)
+    Incident(**KNOWN).write(path)
     text = path.read_text("utf-8")
     path.write_bytes(b"\xef\xbb\xbf" + text.encode())
     assert Incident.read(path) == Incident(**KNOWN)
@@ -306,7 +310,7 @@ def test_values_that_tracks_have_are_refused(tmp_path, capsys):
         message = f"{name} cannot be given together with tracks, which have it already"
         assert message in refused(capsys, f"{options} {out}")
     again = Incident(tracks=path)
-    again.save(tmp_path / "incident.json")
+    again.write(tmp_path / "incident.json")
     assert Incident.read(tmp_path / "incident.json") == again
 
 
@@ -354,13 +358,13 @@ TRACKS = {
 def test_files_of_tracks_are_refused_by_name(tmp_path, change, message):
     path = drifting(tmp_path / "tracks.nc", change)
     with pytest.raises(ValueError, match=rf"tracks\.nc must hold {message}|{message}"):
-        Incident(tracks=path, start="00:10Z").particles(100, 0)
+        simulate(Incident(tracks=path, start="00:10Z"), 100, 0)
 
 
 def test_a_plan_needs_some_tracks(tmp_path):
     path = drifting(tmp_path / "tracks.nc", count=1)
     with pytest.raises(ValueError, match=r"tracks must be at least 20.* got 1 in .*tracks\.nc"):
-        Incident(tracks=path, start="00:10Z").plan()
+        plan_flights(Incident(tracks=path, start="00:10Z"))
 
 
 def test_a_longer_flight_than_the_tracks(tmp_path, capsys):
@@ -385,7 +389,7 @@ def test_a_small_file_that_unpacks_to_gigabytes(tmp_path):
             field.standard_name = f"{name}_sea_water_velocity"
     assert path.stat().st_size < 2**20
     with pytest.raises(ValueError, match=r"bomb\.nc must have at most 134,217,728 values in a var"):
-        Incident(**{**KNOWN, "current": str(path)}).sentence  # noqa: B018
+        Incident(**{**KNOWN, "current": str(path)})
     with pytest.raises(ValueError, match=r"bomb\.nc must have at most 134,217,728 values in a var"):
         Incident(tracks=with_positions(tmp_path / "tracks.nc", path))
 
@@ -413,7 +417,7 @@ def quick_maps(monkeypatch):
             for kind in ("png", "svg"):
                 (folder / f"map{sheet + 1 if sheet else ''}.{kind}").write_text("")
 
-    monkeypatch.setattr(chart, "save", save)
+    monkeypatch.setattr(chart, "write", save)
 
 
 def names(folder: Path) -> set[str]:
@@ -423,16 +427,16 @@ def names(folder: Path) -> set[str]:
 @pytest.mark.usefixtures("quick_maps")
 def test_a_folder_holds_one_plan(plan, small, tmp_path):
     """Files of another plan go, those of other origin stay and are named."""
-    assert plan.save(tmp_path / "fresh") == []
+    assert write(plan, tmp_path / "fresh") == []
     folder = tmp_path / "plan"
-    small.save(folder)
+    write(small, folder)
     first = names(folder)
     assert first >= {"drone1.plan", "overlay_west.png", "overlay_east.png", "incident.json"}
     (folder / "notes.txt").write_text("mine")
     (folder / "photos").mkdir()
-    assert plan.save(folder) == ["notes.txt", "photos"]
+    assert write(plan, folder) == ["notes.txt", "photos"]
     assert names(folder) == {*names(tmp_path / "fresh"), "notes.txt", "photos"}
-    small.save(folder)
+    write(small, folder)
     assert names(folder) == {*first, "notes.txt", "photos"}
     assert Incident.read(folder / "incident.json") == small.incident
 
@@ -440,10 +444,10 @@ def test_a_folder_holds_one_plan(plan, small, tmp_path):
 @pytest.mark.usefixtures("quick_maps")
 def test_many_drones_then_one(plan, tmp_path):
     crowd = replace(plan, flights=plan.flights * 3, patterns=plan.patterns * 3)
-    crowd.save(tmp_path)
+    write(crowd, tmp_path)
     assert names(tmp_path) >= {"drone9.plan", "map2.png", "map2.svg"}
     one = replace(plan, flights=plan.flights[:1], patterns=plan.patterns[:1])
-    one.save(tmp_path)
+    write(one, tmp_path)
     missions = {"drone1.plan", "drone1.waypoints"}
     assert {name for name in names(tmp_path) if name.startswith("drone")} == missions
     assert not names(tmp_path) & {"map2.png", "map2.svg"}
@@ -452,11 +456,11 @@ def test_many_drones_then_one(plan, tmp_path):
 @pytest.mark.usefixtures("quick_maps")
 def test_changed_files_of_an_earlier_plan_stay(plan, tmp_path):
     """They are somebody's work; the map of the new plan takes the place of the old one, though."""
-    plan.save(tmp_path)
+    write(plan, tmp_path)
     (tmp_path / "drone3.plan").write_text("edited")
     (tmp_path / "plan.csv").write_text("what was flown")
     one = replace(plan, flights=plan.flights[:1], patterns=plan.patterns[:1])
-    assert one.save(tmp_path) == ["drone3.plan"]
+    assert write(one, tmp_path) == ["drone3.plan"]
     assert (tmp_path / "drone3.plan").read_text() == "edited"
     assert "drone2.plan" not in names(tmp_path)
     assert (tmp_path / "plan.csv").read_text("utf-8").startswith("drone,waypoint")
@@ -465,23 +469,23 @@ def test_changed_files_of_an_earlier_plan_stay(plan, tmp_path):
 def test_files_of_other_origin_are_never_replaced(capsys, plan, tmp_path):
     (tmp_path / "plan.csv").write_text("mine")
     with pytest.raises(ValueError, match=r"out must be a folder without files .*plan\.csv"):
-        plan.save(tmp_path)
+        write(plan, tmp_path)
     assert "--out must be a folder without files" in refused(capsys, f"{HERE} --out {tmp_path}")
     assert names(tmp_path) == {"plan.csv"}
 
 
-@pytest.mark.parametrize("writer", ["chart.save", "missions.save", "files.save", "write_text"])
+@pytest.mark.parametrize("writer", ["chart.write", "missions.write", "gpx", "write_text"])
 def test_a_full_disk_leaves_the_earlier_plan(
     plan, small, tmp_path, monkeypatch, writer, quick_maps
 ):
     def full(*_: Any) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    small.save(tmp_path)
+    write(small, tmp_path)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    monkeypatch.setattr(f"DroneSwarmSearch.incident.flight_plan.{writer}", full)
+    monkeypatch.setattr(f"DroneSwarmSearch.incident.files.{writer}", full)
     with pytest.raises(OSError, match="No space left on device") as error:
-        plan.save(tmp_path)
+        write(plan, tmp_path)
     assert error.value.filename == str(tmp_path)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
@@ -489,7 +493,7 @@ def test_a_full_disk_leaves_the_earlier_plan(
 @pytest.mark.usefixtures("quick_maps")
 def test_a_plan_that_is_half_moved_is_none(plan, small, tmp_path, monkeypatch):
     """Never are missions of one plan beside the incident of another."""
-    small.save(tmp_path)
+    write(small, tmp_path)
     moves: list[str] = []
     move = os.replace
 
@@ -502,10 +506,10 @@ def test_a_plan_that_is_half_moved_is_none(plan, small, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(os, "replace", fails)
         with pytest.raises(OSError, match="Input/output error"):
-            plan.save(tmp_path)
+            write(plan, tmp_path)
     assert "drone1.plan" in moves
     assert "incident.json" not in names(tmp_path)
-    plan.save(tmp_path)
+    write(plan, tmp_path)
     assert Incident.read(tmp_path / "incident.json") == plan.incident
 
 
@@ -519,7 +523,7 @@ PLACES = {
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs Linux")
 @pytest.mark.parametrize("place", PLACES.values(), ids=PLACES)
 def test_the_folder_is_tried_first(capsys, tmp_path, monkeypatch, place):
-    monkeypatch.setattr(Incident, "plan", lambda self: pytest.fail("it planned"))
+    monkeypatch.setattr(command, "plan", lambda incident: pytest.fail("it planned"))
     out = place(tmp_path)
     assert cli.main(["plan", *HERE.split(), "--out", str(out)]) == 1
     assert str(out) in capsys.readouterr().err
@@ -529,7 +533,7 @@ def test_a_full_disk_is_noticed_first(capsys, tmp_path, monkeypatch):
     def full(descriptor: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(Incident, "plan", lambda self: pytest.fail("it planned"))
+    monkeypatch.setattr(command, "plan", lambda incident: pytest.fail("it planned"))
     monkeypatch.setattr(os, "fsync", full)
     assert cli.main(["plan", *HERE.split(), "--out", str(tmp_path)]) == 1
     assert capsys.readouterr().err == f"{tmp_path}: No space left on device\n"
@@ -537,11 +541,11 @@ def test_a_full_disk_is_noticed_first(capsys, tmp_path, monkeypatch):
 
 
 def test_the_orders_are_printed_before_the_files_are_written(capsys, tmp_path, monkeypatch, plan):
-    def fails(self: FlightPlan, folder: Path) -> None:
+    def fails(made: FlightPlan, folder: Path) -> None:
         raise OSError(errno.EIO, "broken", str(folder))
 
-    monkeypatch.setattr(Incident, "plan", lambda self: plan)
-    monkeypatch.setattr(FlightPlan, "save", fails)
+    monkeypatch.setattr(command, "plan", lambda incident: plan)
+    monkeypatch.setattr(command, "write", fails)
     assert cli.main(["plan", *HERE.split(), "--out", str(tmp_path)]) == 1
     shown = capsys.readouterr()
     assert "PROBABILITY OF SUCCESS" in shown.out
@@ -629,7 +633,7 @@ def test_any_title_survives_in_every_file(plan, tmp_path, title):
             field.standard_name = f"{name}_sea_water_velocity"
             field[:] = 0.1
     hostile = replace(plan, incident=Incident(**{**KNOWN, "current": path}))
-    hostile.save(tmp_path / "plan")
+    write(hostile, tmp_path / "plan")
     kml = ET.parse(tmp_path / "plan" / "plan.kml")
     described = next(each.text for each in kml.iter() if each.tag.endswith("description"))
     assert described == hostile.incident.sentence

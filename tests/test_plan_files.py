@@ -14,7 +14,8 @@ from fastkml import Folder, GroundOverlay, LineStyle, Placemark, kml
 from fastkml.utils import find_all
 from pymavlink import mavwp
 
-from DroneSwarmSearch.incident import Incident, Waypoint, files, missions
+from DroneSwarmSearch.incident import Incident, Waypoint, after, read_flights, simulate, write
+from DroneSwarmSearch.incident import plan as plan_flights
 from DroneSwarmSearch.rendering.palette import drone_colour
 
 pytest.importorskip("cmaes")
@@ -35,13 +36,13 @@ def plan(request):
         altitude=80.0,
         endurance="20min",
     )
-    return incident.plan()
+    return plan_flights(incident)
 
 
 @pytest.fixture(scope="module")
 def folder(plan, tmp_path_factory):
     there = tmp_path_factory.mktemp("plan")
-    files.save(plan, there)
+    write(plan, there)
     return there
 
 
@@ -156,11 +157,10 @@ def test_geojson_has_lines_and_waypoints(plan, folder):
 FIELDS = {"autoContinue", "command", "doJumpId", "frame", "params", "type"}
 
 
-def test_missions_are_read_by_ground_stations(plan, tmp_path):
-    missions.save(plan, tmp_path)
+def test_missions_are_read_by_ground_stations(plan, folder):
     for number, flight in enumerate(plan.flights, 1):
         loader = mavwp.MAVWPLoader()
-        assert loader.load(str(tmp_path / f"drone{number}.waypoints")) == len(flight) + 2
+        assert loader.load(str(folder / f"drone{number}.waypoints")) == len(flight) + 2
         home, take_off, speed, *points, back = [loader.wp(n) for n in range(loader.count())]
         assert [take_off.command, speed.command, back.command] == [22, 178, 20]
         assert speed.param2 == plan.incident.speed
@@ -170,7 +170,7 @@ def test_missions_are_read_by_ground_stations(plan, tmp_path):
             assert (point.command, point.frame, point.autocontinue) == (16, 3, 1)
             assert away((point.y, point.x), waypoint) < 1e-6
             assert point.z == waypoint.altitude
-        mission = json.loads((tmp_path / f"drone{number}.plan").read_text("utf-8"))
+        mission = json.loads((folder / f"drone{number}.plan").read_text("utf-8"))
         assert (mission["fileType"], mission["version"]) == ("Plan", 1)
         assert mission["geoFence"]["version"] == mission["rallyPoints"]["version"] == 2
         assert mission["mission"]["version"] == 2
@@ -185,7 +185,7 @@ def test_missions_are_read_by_ground_stations(plan, tmp_path):
 
 
 def test_csv_comes_back(plan, folder):
-    flights = files.read_csv(folder / "plan.csv")
+    flights = read_flights(folder / "plan.csv")
     for (_, flight), written in zip(flights, plan.flights, strict=True):
         for waypoint, other in zip(flight, written, strict=True):
             assert away((waypoint.longitude, waypoint.latitude), other) < 1e-7
@@ -193,7 +193,8 @@ def test_csv_comes_back(plan, folder):
             assert waypoint.time.tzinfo is timezone.utc
             assert waypoint[3:] == other[3:]
     weights = [
-        plan.incident.after(each).particles(2000, 0).weights for each in (folder / "plan.csv", plan)
+        simulate(after(plan.incident, each), 2000, 0).weights
+        for each in (folder / "plan.csv", plan)
     ]
     assert weights[0] == pytest.approx(weights[1], rel=1e-3)
 
@@ -229,7 +230,7 @@ def test_flights_really_flown_need_few_columns(tmp_path):
             Waypoint(start + timedelta(seconds=10.5), 54.19, 7.85, 0.0, True),
         ],
     ]
-    assert files.read_csv(path) == [*zip(lines, flights, strict=True)]
+    assert read_flights(path) == [*zip(lines, flights, strict=True)]
 
 
 GOOD = "drone,time_utc,latitude_deg,longitude_deg,searching\n0,2026-03-01T06:30Z,54.18,7.85,TRUE\n"
@@ -257,7 +258,7 @@ GOOD = "drone,time_utc,latitude_deg,longitude_deg,searching\n0,2026-03-01T06:30Z
 def test_errors_name_file_line_and_column(old, new, message, tmp_path):
     path = tmp_path / "flown.csv"
     path.write_text(GOOD, "utf-8")
-    assert len(files.read_csv(path)) == 1
+    assert len(read_flights(path)) == 1
     path.write_text(GOOD.replace(old, new), "utf-8")
     with pytest.raises(ValueError, match=rf"flown\.csv.*{message}"):
-        files.read_csv(path)
+        read_flights(path)

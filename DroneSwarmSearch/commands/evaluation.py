@@ -14,7 +14,7 @@ from pathlib import Path
 
 from DroneSwarmSearch import policies
 from DroneSwarmSearch._internal.text import plural
-from DroneSwarmSearch.commands.searches import search_on_grid
+from DroneSwarmSearch.commands.searches import named_search
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.evaluation import board, exporting, recording
@@ -111,7 +111,7 @@ def bound(options: argparse.Namespace) -> None:
 
 def record(options: argparse.Namespace) -> None:
     """Record a video."""
-    search = search_on_grid(options.search)
+    search = named_search(options.search)
     video = recording.record(
         options.policy,
         search,
@@ -126,7 +126,7 @@ def record(options: argparse.Namespace) -> None:
 
 def export(options: argparse.Namespace) -> None:
     """Write episodes as JSON."""
-    search = search_on_grid(options.search)
+    search = named_search(options.search)
     data = exporting.export(
         options.policies, search, options.out, seeds=options.seeds, view=view_from(options)
     )
@@ -172,7 +172,7 @@ def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leader
 def _searches(options: argparse.Namespace) -> list[NamedSearch]:
     """The searches of the suite or of files, with another mission if one is given."""
     every = [name for text in options.searches for name in (SUITE if text == "all" else [text])]
-    found = [search_on_grid(name) for name in dict.fromkeys(every)]
+    found = [named_search(name) for name in dict.fromkeys(every)]
     check_names("searches", found)
     mission = getattr(options, "mission", None)
     if mission is not None:

@@ -6,19 +6,21 @@ import argparse
 import contextlib
 import re
 import textwrap
-from dataclasses import fields
+from dataclasses import fields, replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 from DroneSwarmSearch._internal.extras import import_matplotlib
 from DroneSwarmSearch.commands.options import Once
-from DroneSwarmSearch.geo.flows import stronger
-from DroneSwarmSearch.geo.units import KNOT
+from DroneSwarmSearch.incident.files import write
+from DroneSwarmSearch.incident.files.folder import INCIDENT, listed, try_plan_folder
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 from DroneSwarmSearch.incident.flights import up_to_the_minute
-from DroneSwarmSearch.incident.incident import Incident
-from DroneSwarmSearch.incident.plan_folder import INCIDENT, listed, try_plan_folder
+from DroneSwarmSearch.incident.incident import FLOWS, Incident
+from DroneSwarmSearch.incident.planning import alternatives, plan
+from DroneSwarmSearch.incident.sorties import after
+from DroneSwarmSearch.rendering.text import WIDTH
 
 NAMES = {
     "position_sd": "--error",
@@ -27,9 +29,7 @@ NAMES = {
 }
 """Options that do not have the names of an incident's values."""
 
-CANNOT_FLY = re.compile("endurance must leave time|speed must exceed")  # refusals of the choice
-
-MINUTES = 5, 10, 20, 30, 45, 60, 90, 120
+MINUTES = (5, 10, 20, 30, 45, 60, 90, 120)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -92,16 +92,21 @@ def run(options: argparse.Namespace) -> None:
     try:
         incident = _incident(options)
         try_plan_folder(options.out)
-        plan = incident.plan()
+        made = plan(incident)
     except (TypeError, ValueError) as error:
         if is_new:
             with contextlib.suppress(OSError):
                 options.out.rmdir()  # it is empty
         raise type(error)(_as_typed(str(error), options)) from None
     try:
-        print(summary(plan), flush=True)
+        print("\n".join(summary(made)), flush=True)
+        more = []
+        for alternative in alternatives(made):
+            print(alternative.sentence, flush=True)
+            more.append(alternative)
+        made = replace(made, alternatives=tuple(more))
     finally:  # also if nobody reads the summary
-        left = plan.save(options.out)
+        left = write(made, options.out)
     print(f"Written to {options.out}.")
     if left:
         print(f"Left there, because no plan has written it: {listed(left)}.")
@@ -123,8 +128,9 @@ def _incident(options: argparse.Namespace) -> Incident:
     """The incident that the options describe."""
     if options.after is not None and options.incident is not None:
         raise ValueError("--after cannot be given together with --incident")
-    values = {field.name: getattr(options, field.name, None) for field in fields(Incident)}
-    for name in ("wind", "current"):
+    names = [field.name for field in fields(Incident) if field.init]
+    values = {name: getattr(options, name, None) for name in names}
+    for name in FLOWS:
         file = getattr(options, f"{name}_file")
         if file is not None and values[name] is not None:
             raise ValueError(f"--{name} cannot be given together with --{name}-file")
@@ -135,9 +141,10 @@ def _incident(options: argparse.Namespace) -> Incident:
             values[name] = texts[0] if len(texts) == 1 else texts
     given = {name: value for name, value in values.items() if value is not None}
     if options.after is not None:
-        start, folder = given.pop("start", None), Path(options.after)
+        start = given.pop("start", None)
+        folder = Path(options.after)
         before = _read(folder / INCIDENT, {})
-        return before.after(folder / "plan.csv", start, **given)
+        return after(before, folder / "plan.csv", start, **given)
     if options.incident is not None:
         return _read(Path(options.incident), given)
     return Incident(**given)
@@ -158,55 +165,26 @@ def _check_file(path: Path) -> None:
         raise ValueError(f"{path} must be the file of an incident: {error}") from None
 
 
-def summary(plan: FlightPlan) -> str:
-    """One screen: what the plan finds and when, the orders, what more would bring, what it assumes.
-
-    What more would bring comes from quick plans, which begin with the patterns of this one.
-    """
-    scene = plan.on_scene
+def summary(made: FlightPlan) -> list[str]:
+    """The lines of one screen: what the plan finds and when, the orders, and what it assumes."""
+    scene = made.on_scene
     by_minute = []
     for minutes in MINUTES:
         time = scene + timedelta(minutes=minutes)
-        if time < plan.landed:
-            by_minute.append(f"{plan.success(time):.0%} after {minutes}")
-    success = f"PROBABILITY OF SUCCESS {plan.probability_of_success:.0%} by {plan.landed:%H:%M} UTC"
+        if time < made.landed:
+            by_minute.append(f"{made.success(time):.0%} after {minutes}")
+    success = f"PROBABILITY OF SUCCESS {made.probability_of_success:.0%} by {made.landed:%H:%M} UTC"
     if by_minute:
         begin = up_to_the_minute(scene)
         success += f": {', '.join(by_minute)} minutes from {begin:%H:%M} on"
-    more = [f"{name}: {_difference(plan, values)}." for name, values in _changes(plan).items()]
-    lines = [
-        plan.incident.sentence,
-        " ".join(plan.earlier),
+    paragraphs = [
+        made.incident.sentence,
+        " ".join(made.earlier),
         f"{success}.",
-        *plan.orders,
-        " ".join(more),
-        "Assumed: " + " ".join(plan.assumptions),
+        *made.orders,
+        "Assumed: " + " ".join(made.assumptions),
     ]
-    return "\n".join(textwrap.fill(line, 79) for line in lines if line)
-
-
-def _changes(plan: FlightPlan) -> dict[str, dict[str, Any]]:
-    """What could be otherwise, in words, and the values that it changes."""
-    incident = plan.incident
-    changes: dict[str, dict[str, Any]] = {
-        "One more drone": {"drones": incident.drones + 1},
-        "Half an hour more": {"endurance": incident.endurance + 1800},
-    }
-    # Another wind would also have moved those whom earlier flights looked for.
-    if incident.tracks is None and not isinstance(incident.wind, str) and not incident.flown:
-        wind = stronger(incident.wind, 5 * KNOT)
-        changes["A wind 5 kn stronger"] = {"wind": wind}
-    return changes
-
-
-def _difference(plan: FlightPlan, values: dict[str, Any]) -> str:
-    """What other values change, in points, or why they cannot be planned."""
-    try:
-        more = plan.with_changes(**values).probability_of_success
-    except ValueError as error:
-        if CANNOT_FLY.match(str(error)):
-            return "drones cannot fly there and back"
-        return "unknown, beyond the limits of what is given"
-    points = round(100 * (more - plan.probability_of_success))
-    noun = "point" if abs(points) == 1 else "points"
-    return f"{points:+d} {noun}" if points else "no change"
+    lines = []
+    for paragraph in paragraphs:
+        lines += textwrap.wrap(paragraph, WIDTH)
+    return lines

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.commands.evaluation import add_view, view_from
-from DroneSwarmSearch.commands.searches import search_on_grid
+from DroneSwarmSearch.commands.searches import named_search
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.core.named_search import NamedSearch
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> None:
     if options.seed is None:
         options.seed = USUAL_SEED if options.search is None else 0
     checks.real("--fps", options.fps, FPS_LEAST, FPS_MOST)
-    found = search_on_grid(options.search or USUAL_SEARCH)
+    found = named_search(options.search or USUAL_SEARCH)
     print(textwrap.fill(f"{found.name}: {found.reason}", WIDTH) + "\n", flush=True)
     if options.record is not None:
         video = record(

@@ -8,10 +8,11 @@ from pathlib import Path
 from DroneSwarmSearch.core.named_search import NamedSearch, read_json
 from DroneSwarmSearch.evaluation.suite import search
 from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.on_grid import search_on_grid
 from DroneSwarmSearch.persons.person import warn_of_mass_beyond
 
 
-def search_on_grid(name: str) -> NamedSearch:
+def named_search(name: str) -> NamedSearch:
     """A search of the suite, or from a file: of a search, or of an incident.
 
     Warns if persons at sea may drift beyond the grid. Elsewhere the border is a part of the search:
@@ -22,16 +23,18 @@ def search_on_grid(name: str) -> NamedSearch:
     """
     found = _of_incident(Path(name)) if name.endswith(".json") else None
     found = found or search(name)
-    persons, scenario = found.scenario.persons or (), found.scenario
-    warn_of_mass_beyond(persons, scenario.grid_size, scenario.timestep_limit, stacklevel=2)
+    scenario = found.scenario
+    warn_of_mass_beyond(
+        scenario.persons or (), scenario.grid_size, scenario.timestep_limit, stacklevel=2
+    )
     return found
 
 
 def _of_incident(path: Path) -> NamedSearch | None:
-    """The search on a grid for the incident in a file, see `Incident.save`; None for others."""
+    """The search on a grid for the incident in a file, see `Incident.write`; None for others."""
     try:
         if path.is_file() and "swath" in read_json(path):
-            return replace(Incident.read(path).search(), name=path.stem)
+            return replace(search_on_grid(Incident.read(path)), name=path.stem)
     except (OSError, TypeError, ValueError) as error:
         raise ValueError(f"{path}: {error}") from error
     return None

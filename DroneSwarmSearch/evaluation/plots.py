@@ -14,6 +14,7 @@ from DroneSwarmSearch._internal.extras import import_matplotlib
 from DroneSwarmSearch._internal.files import write_bytes
 from DroneSwarmSearch._internal.text import without_formulas
 from DroneSwarmSearch.evaluation.results import Evaluation, known_bounds
+from DroneSwarmSearch.rendering.palette import style_sheet
 
 import_matplotlib("plots need the package matplotlib", "evaluation")
 
@@ -23,12 +24,19 @@ from matplotlib.lines import Line2D  # noqa: E402
 from matplotlib.ticker import PercentFormatter  # noqa: E402
 
 WIDTH = 5.2  # the width of a plot in inches: narrow, so that its text is legible on a phone
-STYLES = "DroneSwarmSearch.evaluation"
 
 # In the order of the colours of the styles, the same in every plot; others have those after.
 POLICIES = (
-    *("planner", "imitation", "greedy-forecast", "greedy-posterior", "greedy-matrix"),
-    *("parallel-sweep", "creeping-line", "expanding-square", "sector-search", "random"),
+    "planner",
+    "imitation",
+    "greedy-forecast",
+    "greedy-posterior",
+    "greedy-matrix",
+    "parallel-sweep",
+    "creeping-line",
+    "expanding-square",
+    "sector-search",
+    "random",
 )
 
 MARKERS = "Dh>os^vpXPH<d8"
@@ -51,7 +59,7 @@ def save(draw: Draw, evaluations: Sequence[Evaluation], path: Path) -> list[Path
     }
     written = []
     for name, theme in files.items():
-        sheets = [f"{STYLES}.{sheet}" for sheet in ("plots", theme)]
+        sheets = [style_sheet("plots"), style_sheet(theme)]
         target = path.with_name(name)
         with style.context(["default", *sheets]):
             content = encoded(draw(evaluations), target.suffix[1:])

@@ -1,212 +1,305 @@
-"""Winds and currents: as they are typed, as series in time, and in words."""
+"""Winds and currents: a `Flow` has a velocity at every time and point, however it was given.
+
+`read_flow` makes one from what people type: a `Constant`, a `Series` in time, or the `Field` of a
+model's file (`fields`).
+"""
 
 from __future__ import annotations
 
 import math
-import os
-import re
-from collections.abc import Callable, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
-from pathlib import Path
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Pair
-from DroneSwarmSearch._internal.files import csv_rows
-from DroneSwarmSearch.geo import units
-from DroneSwarmSearch.geo.times import DAY, is_clock, near
-from DroneSwarmSearch.geo.units import current_towards, wind_from
-
-FASTEST = {"wind": 60.0, "current": 5.0}
-"""In m/s; beyond, a figure was probably given in another unit."""
-
-FILES = ".csv", ".nc", ".nc4", ".cdf"  # by which winds and currents in files are recognised
+from DroneSwarmSearch.geo.plane import EQUATOR, TangentPlane
+from DroneSwarmSearch.geo.times import DAY
+from DroneSwarmSearch.geo.units import KNOT
 
 CHANGE = 1.0  # seconds in which a flow turns into another one, because series are interpolated
 
-
-def series(flow: Any) -> Callable[[Any], Floats]:
-    """A wind or current of an incident as a function of times in seconds, (n,): (2, n)."""
-    points = flow if isinstance(flow, Mapping) else {0.0: flow}
-    times, vectors = [*points], np.array([*points.values()])
-    return lambda at: np.stack([np.interp(at, times, column) for column in vectors.T])
+Clock = Callable[[datetime], str]  # a time in words
 
 
-def stronger(flow: Any, by: float) -> Any:
-    """A wind or current of an incident that is so many m/s stronger at all times."""
-    if isinstance(flow, Mapping):
-        return {time: stronger(at_time, by) for time, at_time in flow.items()}
-    return tuple(component * (1.0 + by / max(math.hypot(*flow), 1e-9)) for component in flow)
+@dataclass(frozen=True)
+class Origin:
+    """Where all metres and when all seconds begin.
 
-
-def changed_at(seconds: float, earlier: Any, later: Any) -> Any:
-    """A flow that is `earlier` at first, then `later`.
-
-    It changes at the first time of `later`, or at `seconds` if that is a vector.
+    Attributes:
+        position: (latitude, longitude) in degrees.
+        time: in UTC.
     """
-    after = later if isinstance(later, Mapping) else {seconds: later}
-    begin = min(after)
-    before = earlier if isinstance(earlier, Mapping) else {begin: earlier}
-    joined = {time: vector for time, vector in before.items() if time < begin}
-    east, north = series(before)(np.array([begin]))[:, 0].tolist()
-    joined[begin] = (east, north)
-    joined[begin + CHANGE] = after[begin]
-    joined.update({time: vector for time, vector in after.items() if time > begin + CHANGE})
-    return joined
+
+    position: Pair
+    time: datetime
+
+    @cached_property
+    def plane(self) -> TangentPlane:
+        """The plane of all metres, which touches the earth at the position."""
+        return TangentPlane(*self.position)
+
+    def seconds(self, time: datetime) -> float:
+        """Seconds from the origin to a time."""
+        return (time - self.time).total_seconds()
+
+    def at(self, seconds: float) -> datetime:
+        """The time some seconds after the origin."""
+        return self.time + timedelta(seconds=seconds)
 
 
-def shifted(flow: Any, seconds: float) -> Any:
-    """The same flow, whose times in seconds count from so many seconds later."""
-    if isinstance(flow, Mapping):
-        return {time - seconds: vector for time, vector in flow.items()}
-    return flow
+@dataclass(frozen=True, eq=False)
+class Flow(ABC):
+    """A wind or a current.
 
-
-def named(name: str, read: Callable[..., Any], *given: object) -> Any:
-    """What a text means; an error begins with the name of the value."""
-    try:
-        return read(*given)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from None
-
-
-def read_flow(kind: str, value: Any, since: datetime) -> Any:
-    """The "wind" or "current" of an incident: a vector, a series of them, or the name of a file.
-
-    A series is a mapping of seconds after `since`, in their order, to vectors.
+    Attributes:
+        kind: "wind" at a height of 10 m, or "current" of the water.
+        origin: where its metres and when its seconds begin.
     """
-    if isinstance(value, (str, os.PathLike)) and _names_file(os.fspath(value)):
-        path = _checked_file(kind, Path(value))
-        if path.suffix.lower() != ".csv":
-            return str(path)
-        value = _rows(kind, path)
-    if isinstance(value, str):
-        value = [value]
-    if isinstance(value, (list, tuple)) and any(isinstance(part, str) for part in value):
-        return _from_texts(kind, value, since)
-    if isinstance(value, Mapping):
-        return _from_mapping(kind, value)
-    return _vector(kind, kind, value)
 
+    kind: str
+    origin: Origin
 
-def check_times(kind: str, flow: Any, since: datetime, until: datetime) -> None:
-    """Raise a ValueError if a series has times more than a day before or after the incident.
+    @property
+    def source(self) -> str | None:
+        """The file of a field; else None."""
+        return None
 
-    The incident is from `since` to `until`.
-    """
-    if not isinstance(flow, Mapping):
+    @property
+    def varies(self) -> bool:
+        """Whether it differs between places."""
+        return False
+
+    def velocity(self, times: float | Floats, points: Floats) -> Floats:
+        """The velocity along the axes of the plane, in m/s.
+
+        Args:
+            times: in seconds, one for all points or one for each.
+            points: (east, north) in metres on the plane: (2, n).
+
+        Returns:
+            (east, north), (2, n), or (2, 1) if all are equal; NaN on land.
+        """
+        east, north = self._towards(times, points)
+        # North is towards the pole, which is another direction elsewhere on the plane.
+        turned = self._turning * points[0]
+        return np.array([east - turned * north, north + turned * east])
+
+    def check_within(self, times: float | Floats, points: Floats) -> None:
+        """Raise a ValueError if it is not known at some times and points; see `velocity`."""
         return
-    length = (until - since).total_seconds()
-    for seconds in flow:
-        if not -DAY.total_seconds() <= seconds <= length + DAY.total_seconds():
+
+    def check_times(self, until: datetime) -> None:
+        """Raise a ValueError if times are given that are far from the origin's and `until`."""
+        return
+
+    @cached_property
+    def _turning(self) -> float:
+        """By how much north turns for each metre to the east, in radians."""
+        return float(np.tan(np.radians(self.origin.position[0])) / EQUATOR)
+
+    @abstractmethod
+    def _key(self) -> tuple[object, ...]:
+        """Equal for equal flows of a class."""
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Flow):
+            return NotImplemented
+        return type(self) is type(other) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    @abstractmethod
+    def _towards(self, times: float | Floats, points: Floats) -> Floats:
+        """The velocity to the east and to the north, (2, n) or (2, 1), as in `velocity`."""
+
+    # Other flows.
+
+    @abstractmethod
+    def moved(self, origin: Origin) -> Flow:
+        """The same flow, whose metres and seconds count from another origin."""
+
+    def stronger(self, by: float) -> Flow | None:
+        """The flow if it is so many m/s faster; None for a field."""
+        return None
+
+    def vectors_from(self, seconds: float) -> dict[float, Pair]:
+        """Its vectors by time in seconds, if it begins then; none for a field."""
+        return {}
+
+    def changed_to(self, later: Flow, seconds: float) -> Flow:
+        """The flow that is this one at first, then `later`, at the times of that or at `seconds`.
+
+        Raises:
+            ValueError: they come from different files, or only one from a file.
+        """
+        after = later.vectors_from(seconds)
+        begin = min(after, default=seconds)
+        before = self.vectors_from(begin)
+        if not before or not after:
+            if self.source is not None and self.source == later.source:
+                return self
             raise ValueError(
-                f"{kind} must be given for times within a day of the incident, which lasts from "
-                f"{since:%Y-%m-%d %H:%M} to {until:%Y-%m-%d %H:%M} UTC, got one for "
-                f"{_time(since, seconds)}"
+                f"{self.kind} cannot change after flights if it is that of a file, because a wind "
+                "and a file cannot be joined; give a newer position and time, from which the new "
+                "one counts"
             )
+        joined = {time: vector for time, vector in before.items() if time < begin}
+        joined[begin] = _interpolated(before, begin)
+        joined[begin + CHANGE] = after[begin]
+        joined |= {time: vector for time, vector in after.items() if time > begin + CHANGE}
+        return Series(self.kind, self.origin, vectors=joined)
+
+    # In words.
+
+    @abstractmethod
+    def as_typed(self, folder: str) -> str | list[str]:
+        """What `read_flow` reads again; a file counts from a folder."""
+
+    @abstractmethod
+    def described(self, clock: Clock) -> str:
+        """The flow in words; "" if there is none."""
+
+    def course(self, vector: Pair) -> Pair:
+        """Where a vector comes from (a wind) or goes to, in degrees; and its speed in m/s."""
+        turned = 180.0 if self.kind == "wind" else 0.0
+        degrees = round((math.degrees(math.atan2(*vector)) + turned) % 360, 6) % 360
+        return degrees, math.hypot(*vector)
+
+    def _spoken(self, vector: Pair) -> str:
+        degrees, speed = self.course(vector)
+        return f"{degrees:03.0f}° {speed / KNOT:.2g} kn ({speed:.2g} m/s)"
+
+    def _typed(self, vector: Pair) -> str:
+        degrees, speed = self.course(vector)
+        return f"{degrees:g}° {speed / KNOT:.6g} kn"
+
+    @property
+    def _preposition(self) -> str:
+        return "from" if self.kind == "wind" else "to"
 
 
-def _time(since: datetime, seconds: float) -> str:
-    """A time of a series in words."""
+@dataclass(frozen=True, eq=False)
+class Constant(Flow):
+    """A flow that is the same everywhere and at all times.
+
+    Attributes:
+        vector: (east, north) in m/s, where it goes to.
+    """
+
+    vector: Pair
+
+    def _key(self) -> tuple[object, ...]:
+        return self.kind, self.origin, self.vector
+
+    def _towards(self, times: float | Floats, points: Floats) -> Floats:
+        return np.array(self.vector)[:, None]
+
+    def moved(self, origin: Origin) -> Constant:
+        return replace(self, origin=origin)
+
+    def stronger(self, by: float) -> Constant:
+        return replace(self, vector=_longer(self.vector, by))
+
+    def vectors_from(self, seconds: float) -> dict[float, Pair]:
+        return {seconds: self.vector}
+
+    def as_typed(self, folder: str) -> str:
+        return self._typed(self.vector)
+
+    def described(self, clock: Clock) -> str:
+        if not any(self.vector):
+            return ""
+        return f"{self.kind} {self._preposition} {self._spoken(self.vector)}"
+
+
+@dataclass(frozen=True, eq=False)
+class Series(Flow):
+    """A flow that is the same everywhere, and linear in time between some vectors.
+
+    Before the first and after the last time, it stays as it is then.
+
+    Attributes:
+        vectors: (east, north) in m/s by time in seconds, in their order.
+    """
+
+    vectors: Mapping[float, Pair]
+
+    def _key(self) -> tuple[object, ...]:
+        return self.kind, self.origin, tuple(self.vectors.items())
+
+    @cached_property
+    def _columns(self) -> tuple[list[float], Floats]:
+        """The times, and the components at these: (2, times)."""
+        return list(self.vectors), np.array(list(self.vectors.values())).T
+
+    def _towards(self, times: float | Floats, points: Floats) -> Floats:
+        known, components = self._columns
+        wanted = np.atleast_1d(times)
+        return np.stack([np.interp(wanted, known, component) for component in components])
+
+    def check_times(self, until: datetime) -> None:
+        day = DAY.total_seconds()
+        last = self.origin.seconds(until) + day
+        for seconds in self.vectors:
+            if not -day <= seconds <= last:
+                raise ValueError(
+                    f"{self.kind} must be given for times within a day of the incident, which "
+                    f"lasts from {self.origin.time:%Y-%m-%d %H:%M} to {until:%Y-%m-%d %H:%M} UTC, "
+                    f"got one for {time_in_words(self.origin, seconds)}"
+                )
+
+    def moved(self, origin: Origin) -> Series:
+        later = self.origin.seconds(origin.time)
+        vectors = {seconds - later: vector for seconds, vector in self.vectors.items()}
+        return replace(self, origin=origin, vectors=vectors)
+
+    def stronger(self, by: float) -> Series:
+        faster = {seconds: _longer(vector, by) for seconds, vector in self.vectors.items()}
+        return replace(self, vectors=faster)
+
+    def vectors_from(self, seconds: float) -> dict[float, Pair]:
+        return dict(self.vectors)
+
+    def as_typed(self, folder: str) -> list[str]:
+        texts = []
+        for seconds, vector in self.vectors.items():
+            when = self.origin.at(seconds)
+            exact = "auto" if when.second or when.microsecond else "minutes"
+            stamp = when.isoformat(timespec=exact).replace("+00:00", "Z")
+            texts.append(f"{self._typed(vector)}@{stamp}")
+        return texts
+
+    def described(self, clock: Clock) -> str:
+        spoken = [
+            f"{self._spoken(vector)} at {clock(self.origin.at(seconds))}"
+            for seconds, vector in self.vectors.items()
+        ]
+        return f"{self.kind} {self._preposition} {', '.join(spoken)}"
+
+
+def time_in_words(origin: Origin, seconds: float) -> str:
+    """The time of a series."""
     try:
-        return f"{since + timedelta(seconds=seconds):%Y-%m-%d %H:%M}"
+        return f"{origin.at(seconds):%Y-%m-%d %H:%M}"
     except OverflowError:
-        return f"{seconds:g} s after that"
+        return f"{seconds:g} s after {origin.time:%Y-%m-%d %H:%M}"
 
 
-def _names_file(text: str) -> bool:
-    """Whether a text is the name of a file, and no wind or current as people type it."""
-    words = text.replace(",", " ").split()
-    is_typed = len(words) > 1 and re.fullmatch(r"[\d.]+[°T]?|[NESW]{1,3}", words[0].upper())
-    return not is_typed and bool(re.search(r"\.[A-Za-z]\w*$", text.strip()))
+def _interpolated(vectors: Mapping[float, Pair], seconds: float) -> Pair:
+    """The vector of a series at a time."""
+    columns: Any = np.array(list(vectors.values())).T
+    east, north = (float(np.interp(seconds, list(vectors), column)) for column in columns)
+    return east, north
 
 
-def _checked_file(kind: str, path: Path) -> Path:
-    """The file of a flow, if its name is one that is read."""
-    if path.suffix.lower() not in FILES:
-        raise ValueError(
-            f"{kind} must be text such as 300 25kn, or a file whose name ends in "
-            f"{', '.join(FILES)}, got {str(path)!r}"
-        )
-    if not path.is_file():
-        raise ValueError(f"{kind} must name a file, but there is no {str(path)!r}")
-    return path
-
-
-def _from_texts(kind: str, texts: Sequence[Any], since: datetime) -> Any:
-    """A vector from one text without a time, else a series."""
-    vectors: dict[float, Pair] = {}
-    latest = -math.inf
-    for text in texts:
-        if not isinstance(text, str):
-            raise TypeError(f"{kind} must be a list of texts such as 300 25kn@08:00Z, got {text!r}")
-        flow, has_time, when = text.partition("@")
-        if len(texts) == 1 and not has_time:
-            return _typed(kind, kind, flow)
-        seconds = 0.0
-        if has_time:
-            seconds = (near(kind, when, since) - since).total_seconds()
-        if seconds in vectors:
-            raise ValueError(
-                f"{kind} must be given once for each time, got {text!r} after another for "
-                f"{_time(since, seconds)}; others need times, such as 320 30kn@08:00Z"
-            )
-        day = (since + timedelta(seconds=seconds)).date()
-        if is_clock(when) and seconds < latest and day != since.date():
-            raise ValueError(
-                f"{kind} must have dates where it lasts longer than half a day: "
-                f"{when.strip()} would be {_time(since, seconds)}, nearest to the incident, but "
-                "comes after a later time"
-            )
-        latest = max(latest, seconds)
-        vectors[seconds] = _typed(kind, kind, flow)
-    return {seconds: vectors[seconds] for seconds in sorted(vectors)}
-
-
-def _from_mapping(kind: str, flow: Mapping[Any, Any]) -> dict[float, Pair]:
-    """A series from a mapping of seconds to vectors or texts."""
-    if not flow:
-        raise ValueError(f"{kind} must hold at least one time, got {flow!r}")
-    vectors: dict[float, Pair] = {}
-    for time, value in flow.items():
-        read = _typed if isinstance(value, str) else _vector
-        vectors[checks.real(f"a time of {kind}", time)] = read(kind, f"{kind}[{time}]", value)
-    return {time: vectors[time] for time in sorted(vectors)}
-
-
-def _typed(kind: str, name: str, text: str) -> Pair:
-    """A vector from a text such as "300 25kn"."""
-    direction, _, speed = text.replace(",", " ").strip().partition(" ")
-    usual = f"{name}, such as 300 25kn"
-    degrees = named(usual, units.direction, direction)
-    metres_per_second = named(usual, units.quantity, speed, units.SPEED)
-    toward = wind_from if kind == "wind" else current_towards
-    return _vector(kind, name, toward(degrees, metres_per_second))
-
-
-def _vector(kind: str, name: str, value: Any) -> Pair:
-    """A vector (east, north) in m/s, not faster than winds and currents are."""
-    what = '(east, north) in m/s, text such as "300 25kn", or a series of these'
-    flow = checks.pair(name, value, what)
-    if math.hypot(*flow) > FASTEST[kind]:
-        raise ValueError(
-            f"{name} must be at most {FASTEST[kind]:g} m/s fast, got {math.hypot(*flow):.4g} m/s; "
-            "1 kn is 0.514 m/s"
-        )
-    return flow
-
-
-def _rows(name: str, path: Path) -> list[str]:
-    """The rows of a CSV file with the columns time, direction and speed, as texts."""
-    what = f"{name} must be a CSV file with the columns time, direction and speed"
-    try:
-        texts = [f"{row['direction']} {row['speed']}@{row['time']}" for _, row in csv_rows(path)]
-    except KeyError as error:
-        raise ValueError(f"{what}, got {path}: no column {error}") from None
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{what}, got {path}: {error}") from None
-    if not texts:
-        raise ValueError(f"{what}, got {path}: no rows")
-    return texts
+def _longer(vector: Pair, by: float) -> Pair:
+    """A vector in the same direction that is longer by some m/s."""
+    east, north = vector
+    factor = 1.0 + by / max(math.hypot(east, north), 1e-9)
+    return east * factor, north * factor

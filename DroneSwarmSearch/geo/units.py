@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Pair
@@ -25,8 +27,69 @@ TIME: Units = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
 }
 
-POINTS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE"]
-POINTS += ["S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"]
+POINTS = [
+    "N",
+    "NNE",
+    "NE",
+    "ENE",
+    "E",
+    "ESE",
+    "SE",
+    "SSE",
+    "S",
+    "SSW",
+    "SW",
+    "WSW",
+    "W",
+    "WNW",
+    "NW",
+    "NNW",
+]
+
+
+def named(name: str, read: Callable[..., Any], *given: object) -> Any:
+    """What a text means; an error begins with the name of the value."""
+    try:
+        return read(*given)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a length, a duration or a speed of an incident may be.
+
+    Attributes:
+        units: in which people may give it.
+        low: the least, in SI units.
+        high: the most.
+        shown: the limits in words.
+        is_above_zero: whether it must be more than 0.
+    """
+
+    units: Units
+    low: float
+    high: float
+    shown: str
+    is_above_zero: bool = False
+
+    def read(self, name: str, given: object) -> float:
+        """A number in SI units, from a number in them or a text with a unit.
+
+        Raises:
+            TypeError: it is neither.
+            ValueError: it is out of the limits, or the text is unclear.
+        """
+        number = given
+        if isinstance(given, str):
+            number = named(name, quantity, given, self.units)
+        value = checks.real(name, number)
+        is_valid = self.low <= value <= self.high
+        if self.is_above_zero and value == 0.0:
+            is_valid = False
+        if not is_valid:
+            raise ValueError(f"{name} must be {self.shown}, got {given!r:.100}")
+        return value
 
 
 def quantity(text: str, units: Units) -> float:
@@ -35,8 +98,9 @@ def quantity(text: str, units: Units) -> float:
     parts = re.findall(r"(\d+\.?\d*|\.\d+)\s*([a-z/]+)\s*", given)
     if not parts or re.sub(r"\s", "", given) != "".join(map("".join, parts)):
         raise ValueError(f"a number and a unit ({', '.join(units)}) are needed, got {text!r}")
-    if unknown := [unit for _, unit in parts if unit not in units]:
-        raise ValueError(f"the unit must be {', '.join(units)}, got {unknown[0]!r} in {text!r}")
+    for _, unit in parts:
+        if unit not in units:
+            raise ValueError(f"the unit must be {', '.join(units)}, got {unit!r} in {text!r}")
     return sum(float(number) * units[unit] for number, unit in parts)
 
 
@@ -45,9 +109,11 @@ def direction(text: str) -> float:
     given = text.strip().upper()
     if given in POINTS:
         return POINTS.index(given) * 22.5
-    if not re.fullmatch(r"\d+\.?\d*[°T]?", given) or (degrees := float(given.rstrip("°T"))) > 360:
-        raise ValueError(f"a direction is degrees from 0 to 360, or N, NNE to NNW, got {text!r}")
-    return degrees
+    if re.fullmatch(r"\d+\.?\d*[°T]?", given):
+        degrees = float(given.rstrip("°T"))
+        if degrees <= 360:
+            return degrees
+    raise ValueError(f"a direction is degrees from 0 to 360, or N, NNE to NNW, got {text!r}")
 
 
 def position(text: str) -> Pair:
@@ -64,21 +130,26 @@ def degrees(text: str, letters: str) -> float:
     """A latitude or longitude; south and west, the second of the letters, are negative."""
     given = re.sub(r"[°'\u2032\"\u2033]|(?<=\d)-", " ", text.upper())
     tokens = re.findall(r"[-+]?\d+\.?\d*|\S", given)
-    digits = [token for token in tokens if token[-1] in "0123456789."]
+    digits = [token for token in tokens if token[-1:].isdigit() or token[:-1].isdigit()]
     letter = "".join(token for token in tokens if token not in digits)
-    if letter not in ("", *letters) or not 0 < len(digits) <= (3 if letter else 1):
-        is_valid = False
-    else:
-        smaller = [float(number) for number in digits[1:]]
-        is_valid = "." not in "".join(digits[:-1]) and max(smaller, default=0.0) < 60
-        is_valid &= not letter or digits[0][0].isdigit()
-    if not is_valid:
+    if not _is_position(letter, digits, letters):
         raise ValueError(
             f"degrees are such as 54.18, 54-10.8{letters[0]} or 54 10 48 {letters[0]}, the "
             f"latitude first, got {text!r}"
         )
     size: float = sum(float(number) / 60**power for power, number in enumerate(digits))
     return -size if letter == letters[1] else size
+
+
+def _is_position(letter: str, digits: list[str], letters: str) -> bool:
+    """Whether degrees, minutes and seconds, with a letter or a sign, make sense together."""
+    most = 3 if letter else 1
+    if letter not in ("", *letters) or not 0 < len(digits) <= most:
+        return False
+    if letter and not digits[0][0].isdigit():
+        return False
+    is_whole = all("." not in number for number in digits[:-1])
+    return is_whole and all(float(number) < 60 for number in digits[1:])
 
 
 def radioed(place: Pair) -> str:
@@ -89,8 +160,10 @@ def radioed(place: Pair) -> str:
 def minutes(value: float, letters: str) -> str:
     """A latitude or longitude in minutes as degrees and decimal minutes."""
     value = (value + 10800) % 21600 - 10800
-    whole, rest = divmod(round(10 * abs(value)), 600)
-    return f"{whole:0{2 + (letters == 'EW')}}°{rest / 10:04.1f}'{letters[int(value < 0)]}"
+    whole, tenths = divmod(round(10 * abs(value)), 600)
+    digits = 3 if letters == "EW" else 2
+    letter = letters[1] if value < 0 else letters[0]
+    return f"{whole:0{digits}}°{tenths / 10:04.1f}'{letter}"
 
 
 def wind_from(direction: float, speed: float) -> Pair:

@@ -1,8 +1,9 @@
 """Incidents at sea: from a position in degrees to a plan that drones can fly.
 
-An `Incident` is what a rescue centre knows, and `Incident.plan` returns a `FlightPlan`::
+An `Incident` is what a rescue centre knows; `plan` makes a `FlightPlan` of it, and `write` the
+files for people and autopilots::
 
-    from DroneSwarmSearch.incident import Incident
+    from DroneSwarmSearch.incident import Incident, plan, write
 
     incident = Incident(
         position=("54-10.8N", "007-51.0E"),
@@ -11,15 +12,36 @@ An `Incident` is what a rescue centre knows, and `Incident.plan` returns a `Flig
         wind="300 20kn",
         current="160 0.5kn",
     )
-    plan = incident.plan()
-    plan.save("plan")
+    flight_plan = plan(incident)
+    write(flight_plan, "plan")
 
 On the command line, ``droneswarmsearch plan`` does the same.
 """
 
-from DroneSwarmSearch.incident.flight_plan import FlightPlan
-from DroneSwarmSearch.incident.flights import FlownFlight, Waypoint
+from DroneSwarmSearch.incident.files import write
+from DroneSwarmSearch.incident.flight_plan import Alternative, FlightPlan
+from DroneSwarmSearch.incident.flights import FlownFlight, Waypoint, read_flights
 from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.on_grid import locate, search_on_grid
+from DroneSwarmSearch.incident.particles import Particles, simulate
 from DroneSwarmSearch.incident.patterns import Pattern
+from DroneSwarmSearch.incident.planning import alternatives, plan
+from DroneSwarmSearch.incident.sorties import after
 
-__all__ = ["FlightPlan", "FlownFlight", "Incident", "Pattern", "Waypoint"]
+__all__ = [
+    "Alternative",
+    "FlightPlan",
+    "FlownFlight",
+    "Incident",
+    "Particles",
+    "Pattern",
+    "Waypoint",
+    "after",
+    "alternatives",
+    "locate",
+    "plan",
+    "read_flights",
+    "search_on_grid",
+    "simulate",
+    "write",
+]

@@ -1,27 +1,56 @@
-"""A plan that drones can fly: how it is made, and its files."""
+"""A plan that drones can fly, as plain data, with what it is expected to find."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
-from dataclasses import replace
-from datetime import timedelta
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field
+from datetime import datetime
+from functools import cached_property
 
-from DroneSwarmSearch._internal.files import write_text
-from DroneSwarmSearch._internal.progress import progress
-from DroneSwarmSearch.incident import chart, files, missions
-from DroneSwarmSearch.incident.choice import Area, Guess, choose
-from DroneSwarmSearch.incident.flights import Waypoint
-from DroneSwarmSearch.incident.plan_folder import INCIDENT, replace_plan
-from DroneSwarmSearch.incident.planned_flights import PlannedFlights
-from DroneSwarmSearch.incident.report import APART, Report
+import numpy as np
 
-FEW, MANY = 2_000, 8_000  # particles for the first choice of patterns, and to improve them
+from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch._internal.text import plural
+from DroneSwarmSearch.geo.units import KNOT
+from DroneSwarmSearch.incident.choice import Guess
+from DroneSwarmSearch.incident.drone import drone_of
+from DroneSwarmSearch.incident.flights import Waypoint, legs_of
+from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.orders import order_line, order_of
+from DroneSwarmSearch.incident.particles import Particles
+from DroneSwarmSearch.incident.patterns import Pattern
+
+MENTIONED = 0.005  # the least share of persons who strand that is mentioned
 
 
-class FlightPlan(PlannedFlights):
+@dataclass(frozen=True)
+class Alternative:
+    """What another value of an incident would change.
+
+    Attributes:
+        name: the change in words, such as "One more drone".
+        points: by how many percentage points the probability of success would change; None if that
+            cannot be planned.
+        reason: why not; "" if it can.
+    """
+
+    name: str
+    points: float | None
+    reason: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """The change and what it brings."""
+        if self.points is None:
+            return f"{self.name}: {self.reason}."
+        points = round(self.points)
+        if points == 0:
+            return f"{self.name}: no change."
+        noun = "point" if abs(points) == 1 else "points"
+        return f"{self.name}: {points:+d} {noun}."
+
+
+@dataclass(frozen=True, eq=False)
+class FlightPlan:
     """The flights of all drones, from take-off to landing.
 
     Each drone flies a search pattern until it must return. It searches from the commence search
@@ -31,56 +60,141 @@ class FlightPlan(PlannedFlights):
         incident: the incident.
         patterns: one for each drone.
         flights: the waypoints of each drone, in the order of their times.
-        guesses: the patterns relative to the area.
+        particles: the possible persons of all figures; the choice of the patterns has not seen
+            them.
+        guesses: the patterns relative to the area, with which a similar plan can begin.
+        alternatives: what other values of the incident would change, see `alternatives`.
     """
 
-    @classmethod
-    def of(cls, incident: Report, near: Sequence[Guess] = ()) -> FlightPlan:
-        """Plan an incident, quickly if it begins near the patterns of another plan."""
-        many = incident.particles(FEW if near else MANY, 1)
-        weights = many.weights[:FEW] / many.weights[:FEW].sum()
-        few = replace(many, positions=many.positions[..., :FEW], weights=weights)
-        areas = [Area(incident, cloud) for cloud in ([few] if near else [few, many, many])]
-        with progress("planning", 1.0) as bar:
-            guesses = choose(areas, near, bar)
-        patterns = tuple(map(areas[-1].pattern, guesses))
-        flights = []
-        for number, (drone, pattern) in enumerate(zip(areas[0].drones, patterns, strict=True)):
-            flown = drone.fly(pattern)
-            assert flown is not None
-            degrees = incident.plane.degrees(flown[:, 1:]).tolist()
-            times = [incident.start + timedelta(seconds=second) for second in flown[:, 0].tolist()]
-            height, last = incident.altitude + APART * number, len(flown) - 1
-            rows = enumerate(zip(times, degrees, strict=True))
-            flights.append(
-                [Waypoint(t, lat, lon, height, 0 < n < last) for n, (t, (lat, lon)) in rows]
-            )
-        return cls(incident, patterns, tuple(flights), tuple(guesses))
+    incident: Incident
+    patterns: tuple[Pattern, ...] = field(repr=False)
+    flights: tuple[list[Waypoint], ...] = field(repr=False)
+    particles: Particles = field(repr=False)
+    guesses: tuple[Guess, ...] = field(repr=False)
+    alternatives: tuple[Alternative, ...] = field(default=(), repr=False)
 
-    def with_changes(self, **values: Any) -> FlightPlan:
-        """A quick plan for the incident with other values, which begins with these patterns."""
-        return self.of(replace(self.incident, **values), self.guesses)
+    # What it finds.
 
-    def save(self, folder: str | os.PathLike[str]) -> list[str]:
-        """Write the plan to a folder: files for autopilots and people, a map, and the incident.
+    @cached_property
+    def _sweeps(self) -> tuple[Ints, Floats]:
+        """Which particle a drone sweeps over, and when, in seconds of the incident."""
+        incident = self.incident
+        particles = []
+        times = []
+        for flight in self.flights:
+            legs = legs_of(flight, incident.plane, incident.time)
+            swept, when = self.particles.sweeps(legs, incident.swath)
+            particles.append(swept)
+            times.append(when)
+        return np.concatenate(particles), np.concatenate(times)
 
-        The folder then holds this plan alone: files of an earlier plan are removed once all new
-        ones are complete.
+    def success(self, by: datetime | None = None) -> float:
+        """The probability that the person is found by a time, by default the last landing."""
+        swept, when = self._sweeps
+        if by is not None:
+            swept = swept[when <= self.incident.seconds(by)]
+        missed = self.particles.missed_after(swept, self.incident.probability_of_detection)
+        return float(self.particles.weights @ (1.0 - missed))
+
+    @property
+    def probability_of_success(self) -> float:
+        """The probability that the flights find the person."""
+        return self.success()
+
+    def density(self, time: datetime, size: int = 80) -> tuple[Floats, Floats, Floats]:
+        """Where the person may be at a time if nobody searches: a smoothed histogram of particles.
 
         Returns:
-            The names of files in the folder that no plan has written; they are left.
-
-        Raises:
-            ImportError: Matplotlib is missing.
-            OSError: a file cannot be written. The folder stays as it was.
-            ValueError: a file there has a name that the plan needs, but no plan has written it.
+            Probabilities, float64, (size, size), [row, column], the northern row first; and the
+            corners in metres, (west, south) and (east, north).
         """
-        where = Path(folder)
+        positions = self.particles.at(self.incident.seconds(time))
+        low, high = np.percentile(positions, (0.1, 99.9), axis=0)
+        middle = (low + high) / 2
+        half = max(0.6 * (high - low).max(), self.incident.swath)
+        edges = [np.linspace(centre - half, centre + half, size + 1) for centre in middle]
+        east, north = positions.T
+        counts: Floats
+        counts, *_ = np.histogram2d(east, north, edges, weights=self.particles.weights)
+        for _ in range(4):
+            for _ in range(2):
+                counts = (np.roll(counts, 1, axis=0) + 2 * counts + np.roll(counts, -1, axis=0)) / 4
+                counts = counts.T
+        return counts.T[::-1], middle - half, middle + half
 
-        def write(spare: Path) -> None:
-            files.save(self, spare)
-            missions.save(self, spare)
-            chart.save(self, spare)
-            write_text(spare / INCIDENT, self.incident.as_json(where))
+    @property
+    def on_scene(self) -> datetime:
+        """When the first drone is at its commence search point."""
+        return min(flight[1].time for flight in self.flights)
 
-        return replace_plan(where, write)
+    @property
+    def landed(self) -> datetime:
+        """When the last drone lands."""
+        return max(flight[-1].time for flight in self.flights)
+
+    # In words.
+
+    def order(self, number: int) -> dict[str, str]:
+        """What a drone is ordered, see `orders`; drones count from 0 here, and from 1 in words."""
+        return order_of(number + 1, self.patterns[number], self.flights[number])
+
+    @property
+    def orders(self) -> list[str]:
+        """For each drone, a line that can be read over a radio; drones are numbered from 1."""
+        flights = zip(self.patterns, self.flights, strict=True)
+        return [
+            order_line(drone, pattern, flight) for drone, (pattern, flight) in enumerate(flights, 1)
+        ]
+
+    @property
+    def earlier(self) -> list[str]:
+        """What became of earlier flights, in sentences; none if there were none."""
+        incident = self.incident
+        if not incident.flown:
+            return []
+        sentences = [
+            f"After {plural(len(incident.flown), 'flight')} that found nobody, and would have "
+            f"found {self.particles.found:.0%} of the persons."
+        ]
+        before: list[str] = []
+        during: list[str] = []
+        for number, flight in enumerate(incident.flown, 1):
+            if flight.landing <= incident.time:
+                before.append(str(number))
+            elif flight.waypoints[0].time < incident.time:
+                during.append(str(number))
+        report = f"the report of {incident.time:%H:%M}"
+        if before:
+            sentences.append(f"Not counted, because flown before {report}: {', '.join(before)}.")
+        if during:
+            sentences.append(f"Counted only from {report} on: {', '.join(during)}.")
+        return sentences
+
+    @property
+    def assumptions(self) -> list[str]:
+        """What the probability of success assumes, in sentences."""
+        incident = self.incident
+        drift = "The person drifts as the tracks do."
+        if incident.tracks is None:
+            drift = (
+                f"The position is known to {incident.position_sd:.0f} m, the wind to "
+                f"{_speed(incident.wind_error)} and the current to "
+                f"{_speed(incident.current_error)} (standard deviations along each axis)."
+            )
+        if self.particles.ashore >= MENTIONED:
+            drift += f" {self.particles.ashore:.0%} of the persons strand by {self.landed:%H:%M}."
+        first = drone_of(incident, 0)
+        blows = float(np.hypot(*first.wind(np.zeros(1), np.zeros((2, 1))))[0])
+        return [
+            drift,
+            f"Drones fly {_speed(incident.speed)} in still air, the wind at their height is "
+            f"{_speed(blows)}, and a right-angle turn takes {incident.turn:g} s.",
+            f"They land after at most {first.endurance / 60:.0f} min.",
+            f"They find {incident.probability_of_detection:.0%} of those in a strip of "
+            f"{incident.swath:.0f} m, which already accounts for sea, light and visibility.",
+        ]
+
+
+def _speed(speed: float) -> str:
+    """A speed in m/s and knots."""
+    return f"{speed:.2g} m/s ({speed / KNOT:.2g} kn)"

@@ -1,21 +1,23 @@
-"""Flights: waypoints in degrees and UTC, planned or flown."""
+"""Flights: waypoints in degrees and UTC, planned or flown, and reading them from files."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.files import csv_rows
 from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.geo.times import in_utc
-
-FASTER = 1.5  # a flown leg may be so many times as fast as the airspeed plus the wind
 
 
 class Waypoint(NamedTuple):
@@ -85,9 +87,13 @@ def read_flown(name: str, value: object, swath: float, detection: float) -> Flow
     """
     if isinstance(value, FlownFlight):
         return value
-    keys = ("waypoints", "swath", "probability_of_detection")
-    values: dict[str, Any] = dict(zip(keys, (value, swath, detection), strict=True))
+    values: dict[str, Any] = {
+        "waypoints": value,
+        "swath": swath,
+        "probability_of_detection": detection,
+    }
     if isinstance(value, Mapping):
+        keys = list(values)
         values = checks.known_keys(name, value, keys)
         for key in keys:
             if key not in values:
@@ -114,6 +120,66 @@ def checked_waypoint(name: str, value: object) -> Waypoint:
     )
 
 
+class NamedFlight(NamedTuple):
+    """A flight, and what messages call each of its waypoints."""
+
+    names: list[str]
+    waypoints: list[Waypoint]
+
+
+def read_flights(path: str | os.PathLike[str]) -> list[NamedFlight]:
+    """The flights of all drones, planned or really flown, from a file such as plan.csv.
+
+    It needs the columns drone, time_utc, latitude_deg and longitude_deg. Without the column
+    searching, drones search on all legs; without altitude_m, they are at 0 m.
+
+    Returns:
+        A flight for each drone, by its number in the file; the names are the lines of the file.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: a column is missing, a value is wrong, the times of a drone do not increase, or
+            there is no waypoint.
+    """
+    flights: dict[int, NamedFlight] = {}
+    for number, row in csv_rows(Path(path)):
+        line = f"{path}, line {number}"
+        drone, waypoint = _read_row(line, row)
+        flight = flights.setdefault(drone, NamedFlight([], []))
+        if flight.waypoints and waypoint.time <= flight.waypoints[-1].time:
+            raise ValueError(f"{line}: time_utc must increase, got {row['time_utc']!r}")
+        flight.names.append(line)
+        flight.waypoints.append(waypoint)
+    if not flights:
+        raise ValueError(f"{path} must hold waypoints, one per line, got none")
+    return [flights[drone] for drone in sorted(flights)]
+
+
+def _read_row(line: str, row: dict[str, Any]) -> tuple[int, Waypoint]:
+    """The drone and the waypoint of a row."""
+    complete = {"altitude_m": "0", "searching": "true", **row}
+    values = []
+    for name, (parse, what) in COLUMNS.items():
+        given = complete.get(name, "no such column")
+        try:
+            values.append(parse(given))
+        except ValueError:
+            raise ValueError(f"{line}: {name} must be {what}, got {given!r:.100}") from None
+    drone, *rest = values
+    return drone, Waypoint(*rest)
+
+
+COLUMNS: dict[str, Any] = {
+    "drone": (lambda text: checks.integer("", int(text), 0), "a whole number of at least 0"),
+    "time_utc": (partial(in_utc, "time_utc"), "a time with its zone, such as 2026-03-01T05:30:00Z"),
+    "latitude_deg": (lambda text: checks.real("", float(text), -90, 90), "from -90 to 90"),
+    "longitude_deg": (lambda text: checks.real("", float(text), -180, 180), "from -180 to 180"),
+    "altitude_m": (lambda text: checks.real("", float(text)), "a number"),
+    "searching": (lambda text: bool(("false", "true").index(text.lower())), "true or false"),
+}
+"""How to read the columns that become a `Waypoint`, and what they must be."""
+
+
 def check_order(names: Sequence[str], flight: Flight) -> None:
     """Raise a ValueError unless a flight has two waypoints or more, and its times increase."""
     if len(flight) < 2:
@@ -124,55 +190,6 @@ def check_order(names: Sequence[str], flight: Flight) -> None:
             raise ValueError(
                 f"{names[row]}: times must increase, got {flight[row].time:%Y-%m-%d %H:%M:%S} "
                 f"after {flight[row - 1].time:%H:%M:%S}"
-            )
-
-
-def check_flyable(
-    names: Sequence[str],
-    flight: Flight,
-    plane: TangentPlane,
-    *,
-    within: tuple[datetime, datetime],
-    base: TangentPlane,
-    reach: float,
-    airspeed: float,
-    wind: Callable[[datetime, Floats], float],
-) -> None:
-    """Raise a ValueError unless a drone can have flown so; it names the waypoint.
-
-    Args:
-        names: of the waypoints, for messages.
-        flight: in the order of its times.
-        plane: of all metres.
-        within: the first and the last time at which it can have flown.
-        base: a plane that touches the earth where drones take off.
-        reach: the largest distance from there in metres.
-        airspeed: in m/s.
-        wind: its speed in m/s at a time and points, (2, 1).
-    """
-    points = track(flight, plane)
-    for row, (name, waypoint) in enumerate(zip(names, flight, strict=True)):
-        if not within[0] <= waypoint.time <= within[1]:
-            raise ValueError(
-                f"{name}: times must be from {within[0]:%Y-%m-%d %H:%M} to "
-                f"{within[1]:%Y-%m-%d %H:%M} UTC, the report and what drifts after it, got "
-                f"{waypoint.time:%Y-%m-%d %H:%M}"
-            )
-        away = base.distance(waypoint.latitude, waypoint.longitude)
-        if not away <= reach:
-            raise ValueError(
-                f"{name}: drones can be at most {reach / 1000:.0f} km from their base, but "
-                f"({waypoint.latitude:g}, {waypoint.longitude:g}) is {away / 1000:,.0f} km away"
-            )
-        if row == 0:
-            continue
-        seconds = (waypoint.time - flight[row - 1].time).total_seconds()
-        speed = float(np.hypot(*(points[row] - points[row - 1]))) / seconds
-        fastest = FASTER * (airspeed + wind(waypoint.time, points[row][:, None]))
-        if not speed <= fastest:
-            raise ValueError(
-                f"{name}: drones can make at most {fastest:.0f} m/s, {FASTER:g} times the "
-                f"airspeed plus the wind, but it is reached with {speed:,.0f} m/s"
             )
 
 
@@ -192,7 +209,8 @@ def legs_of(flight: Flight, plane: TangentPlane, since: datetime) -> Floats:
     legs = np.stack([points[:-1], points[1:]], axis=1)[searching]
     legs = legs[legs[:, 1, 0] > 0.0]
     begun = legs[:, 0, 0] < 0.0  # these are under way at time 0
-    begin, end = legs[begun, 0], legs[begun, 1]
+    begin = legs[begun, 0]
+    end = legs[begun, 1]
     share = -begin[:, :1] / (end[:, :1] - begin[:, :1])
     legs[begun, 0] = begin + share * (end - begin)
     return legs

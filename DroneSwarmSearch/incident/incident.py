@@ -1,34 +1,62 @@
-"""Incidents: from what is known to flights, to files, and to a search on a grid."""
+"""What is known of an incident, as plain data: checked values, and their file."""
 
 from __future__ import annotations
 
+import json
 import os
-from dataclasses import fields
-from datetime import datetime
+from dataclasses import dataclass, field, fields
+from datetime import datetime, timedelta
 from functools import cached_property
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, Any
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.core.named_search import NamedSearch
-from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.incident import files
-from DroneSwarmSearch.incident.flight_plan import FlightPlan
-from DroneSwarmSearch.incident.on_grid import GridSearch
-from DroneSwarmSearch.incident.report import Report
+from DroneSwarmSearch._internal.arrays import Pair
+from DroneSwarmSearch._internal.files import parsed_json, write_text
+from DroneSwarmSearch._internal.text import plural, printable
+from DroneSwarmSearch.geo import units
+from DroneSwarmSearch.geo.flows import Flow, Origin
+from DroneSwarmSearch.geo.plane import TangentPlane
+from DroneSwarmSearch.geo.times import in_utc, near
+from DroneSwarmSearch.geo.typed_flows import FILES, read_flow
+from DroneSwarmSearch.geo.units import LENGTH, SPEED, TIME, Quantity
+from DroneSwarmSearch.incident.flights import FlownFlight, read_flown
+from DroneSwarmSearch.persons import leeway
+from DroneSwarmSearch.persons.track_files import first_known
+
+QUANTITIES = {
+    "position_sd": Quantity(LENGTH, 0, 100_000, "from 0 to 100 km"),
+    "swath": Quantity(LENGTH, 1, 10_000, "from 1 m to 10 km"),
+    "altitude": Quantity(LENGTH, 0, 10_000, "from 0 to 10 km"),
+    "wind_error": Quantity(SPEED, 0, 60, "from 0 to 60 m/s"),
+    "current_error": Quantity(SPEED, 0, 5, "from 0 to 5 m/s"),
+    "speed": Quantity(SPEED, 0, 200, "above 0 and at most 200 m/s", is_above_zero=True),
+    "endurance": Quantity(TIME, 0, 12 * 3600, "above 0 and at most 12 h", is_above_zero=True),
+    "reserve": Quantity(TIME, 0, 12 * 3600, "from 0 to 12 h"),
+    "turn": Quantity(TIME, 0, 600, "from 0 to 10 min"),
+}
+"""What lengths, speeds and durations may be."""
+
+FARTHEST = 100_000.0
+"""The largest distance of the take-off position in metres; the plane is accurate up to there."""
+
+LONGEST_DRIFT = timedelta(hours=72)
+"""From the last known position to the take-off; errors of leeway and current grow without end."""
+
+FLOWS = ("wind", "current")
+
+IN_TRACKS = ("current", "position_sd", "wind_error", "current_error")
+"""What tracks have already: given with them, it would have no effect."""
 
 
-class Incident(Report):
+@dataclass(frozen=True, kw_only=True)
+class Incident:
     """What a rescue centre knows: who drifts, where they were last seen, and which drones can fly.
 
     Positions are (latitude, longitude) in degrees, or text such as ("54-10.8N", "007-51.0E");
     lengths are in metres, durations in seconds and speeds in m/s, or text with units, such as
     "20 kn", "0.5 NM" and "45 min". Times are datetimes with a time zone, or text such as
-    "2026-03-01T05:30Z".
+    "2026-03-01T05:30Z". Whatever was typed, the attributes are pairs, numbers, datetimes and flows.
 
     Attributes:
         position: the last known position.
@@ -69,80 +97,243 @@ class Incident(Report):
             waypoints of a flight, flown with this swath and probability of detection.
 
     Raises:
-        ImportError: `tracks` needs netCDF4.
+        ImportError: `tracks` or the file of a model needs netCDF4.
         TypeError: a value is of the wrong type.
         ValueError: a value is out of its limits.
     """
 
-    # Plans.
+    position: Pair = None  # type: ignore[assignment]  # given, or known from tracks
+    time: datetime = None  # type: ignore[assignment]
+    position_sd: float = 926.0
+    object_class: str | None = None
+    wind: Flow = None  # type: ignore[assignment]
+    current: Flow = (0.0, 0.0)  # type: ignore[assignment]  # read below
+    wind_error: float = 2.0
+    current_error: float = 0.13
+    tracks: str | None = None
+    start: datetime = None  # type: ignore[assignment]
+    drones: int = 3
+    speed: float = 20.0
+    swath: float = 200.0
+    probability_of_detection: float = 0.8
+    endurance: float = 2700.0
+    reserve: float = 0.0
+    base: Pair = None  # type: ignore[assignment]
+    altitude: float = 100.0
+    turn: float = 4.0
+    flown: tuple[FlownFlight, ...] = ()
+    _typed: dict[str, Any] = field(init=False, repr=False, compare=False)
 
-    def plan(self) -> FlightPlan:
-        """Plan the flights of all drones: out, a search pattern, and back.
+    if TYPE_CHECKING:
 
-        Raises:
-            ImportError: the package cmaes, of the extra "plan", is missing.
-            ValueError: the drones cannot fly in that wind, or not reach the area and return.
-        """
-        return FlightPlan.of(self)
+        def __init__(self, **values: Any) -> None: ...  # in all the forms above
 
-    def after(
-        self,
-        flown: FlightPlan | str | os.PathLike[str],
-        at: datetime | str | None = None,
-        **changes: Any,
-    ) -> Incident:
-        """The incident after flights that found nobody: its map is the posterior.
+    def __post_init__(self) -> None:
+        given = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+        for name, value in _checked(given).items():
+            object.__setattr__(self, name, value)
+        typed = {name: given[name] for name in ("position", "base") if given[name] is not None}
+        object.__setattr__(self, "_typed", typed)
 
-        What was flown never changes: each flight keeps the swath and the probability of detection
-        with which it was flown, and was flown in the wind of this incident. With a later report,
-        a new `time`, persons drift from there, and flights count from that time on.
-
-        Args:
-            flown: a plan that was flown, or a CSV file of what was really flown, such as the
-                `plan.csv` of a plan; the columns are drone, time_utc, latitude_deg, longitude_deg
-                and optionally searching.
-            at: when the first drone takes off again, `start`; by default half an hour after the
-                last one has landed, or at a later `time`.
-            changes: other values of the incident for the next flights. A wind or a current without
-                a time holds from the last landing on.
-
-        Raises:
-            OSError: there is no such file.
-            TypeError, ValueError: the file or a value is unsuitable, or drones cannot have flown
-                so: farther than they can be, faster than 1.5 times their airspeed plus the wind,
-                before the last report or days after it. Names the row.
-        """
-        known = [field.name for field in fields(Incident) if field.name not in ("start", "flown")]
-        checks.known_keys("changes", changes, known)
-        if isinstance(flown, (str, os.PathLike)):
-            flights = files.read_csv(Path(flown))
-        else:
-            flights = [
-                ([f"drone {number}, waypoint {row}" for row in range(len(flight))], flight)
-                for number, flight in enumerate(flown.flights, 1)
-            ]
-        return self._after(flights, at, changes)
-
-    # The search on a grid.
-
-    def scenario(self) -> Scenario:
-        """The search on a grid, to train on or to play; its person drifts as the particles do.
-
-        A cell is as wide as the strip that a drone sees, or several times as wide if the area is
-        large, and a drone moves and searches while a real one crosses it in still air.
-        """
-        return self.search().scenario
-
-    def search(self) -> NamedSearch:
-        """The search with its start cells and its `Scale`; its `reason` is the incident."""
-        scenario, starts, scale, _ = self._on_grid
-        return NamedSearch("incident", self.sentence, scenario, starts, scale)
-
-    def locate(self, cell: ArrayLike) -> Floats:
-        """The (latitude, longitude) in degrees of cells (x, y), real numbers: (..., 2)."""
-        _, _, scale, middle = self._on_grid
-        return self.plane.degrees((np.asarray(cell) - middle) * (1, -1) * scale.metres_per_cell)
+    # Where and when.
 
     @cached_property
-    def _on_grid(self) -> GridSearch:
-        return GridSearch.of(self)
+    def origin(self) -> Origin:
+        """Where and when all metres and seconds begin: at the last known position."""
+        return Origin(self.position, self.time)
+
+    @property
+    def plane(self) -> TangentPlane:
+        """The plane of all metres; it touches the earth at the last known position."""
+        return self.origin.plane
+
+    def seconds(self, time: datetime) -> float:
+        """Seconds from the last known position to a time."""
+        return self.origin.seconds(time)
+
+    # In words.
+
+    @property
+    def sentence(self) -> str:
+        """The incident in a sentence."""
+        parts = [
+            f"{self.target} at {units.radioed(self.position)}, {self.time:%Y-%m-%d %H:%M} UTC",
+            self.wind.described(self._clock),
+            self.current.described(self._clock),
+        ]
+        known = ", ".join(part for part in parts if part)
+        return f"{known}; {plural(self.drones, 'drone')} from {self._clock(self.start)}."
+
+    @property
+    def target(self) -> str:
+        """What is searched for, in words."""
+        if self.tracks is not None:
+            return f"Tracks of {printable(Path(self.tracks).name)}"
+        kind = leeway.class_of(self.object_class)
+        return f"{kind.description.removesuffix(' (mean values)')} ({kind.name})"
+
+    def _clock(self, time: datetime) -> str:
+        """A time in words, with its date unless that is the incident's."""
+        if time.date() == self.time.date():
+            return f"{time:%H:%M}"
+        return f"{time:%Y-%m-%d %H:%M}"
+
+    # Files.
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the incident as JSON, to edit and to `read`; paths count from its folder."""
+        write_text(Path(path), self.as_json(Path(path).parent))
+
+    def as_json(self, folder: Path) -> str:
+        """The text of a file that will lie in a folder, from which its paths count."""
+        values = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+        values |= self._typed
+        if self.base == self.position:
+            values["base"] = None
+        for name in FLOWS:
+            values[name] = values[name].as_typed(os.fspath(folder))
+        if self.tracks is not None:
+            values["tracks"] = os.path.relpath(self.tracks, folder)
+        return json.dumps(values, indent=1, default=_plain, ensure_ascii=False) + "\n"
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str], **changes: Any) -> Incident:
+        """Read a JSON file, in which paths count from its folder; `changes` replace its values."""
+        data = parsed_json(Path(path).read_bytes())
+        names = [each.name for each in fields(cls) if each.init]
+        values = checks.known_keys("an incident", data, names, ValueError)
+        for name in ("tracks", *FLOWS):
+            file = values.get(name)
+            if isinstance(file, str) and (name == "tracks" or Path(file).suffix.lower() in FILES):
+                values[name] = os.path.normpath(Path(path).parent / file)
+        return cls(**{**values, **changes})
+
+
+def _checked(given: dict[str, Any]) -> dict[str, Any]:
+    """The values of an incident in their plain forms, from what was given."""
+    values = {**given, **_object(given)}
+    values |= {name: kind.read(name, given[name]) for name, kind in QUANTITIES.items()}
+    values["drones"] = checks.integer("drones", given["drones"], 1, 50)
+    name = "probability_of_detection"
+    values[name] = checks.real(name, given[name], 0, 1)
+    if values["reserve"] >= values["endurance"]:
+        raise ValueError(
+            f"reserve must be less than the endurance, {values['endurance'] / 60:g} min, got "
+            f"{given['reserve']!r}"
+        )
+    values |= _places_and_times(values)
+    origin = Origin(values["position"], values["time"])
+    landed = values["start"] + timedelta(seconds=values["endurance"])
+    for name in FLOWS:
+        flow = read_flow(name, values[name], origin)
+        flow.check_times(landed)
+        values[name] = flow
+    if values["tracks"] is not None:
+        _check_tracks_alone(values, given)
+    values["flown"] = _flown(values)
+    return values
+
+
+def _object(given: dict[str, Any]) -> dict[str, Any]:
+    """What drifts; tracks complete the values."""
+    if given["tracks"] is None:
+        if given["object_class"] is None:
+            raise ValueError(
+                "object_class must be given, such as PIW-1, a person in the water, or tracks in "
+                "its place"
+            )
+        leeway.class_of(given["object_class"])
+        if given["wind"] is None:
+            raise ValueError("wind must be given, such as 300 25kn, or tracks in its place")
+        return {}
+    if given["object_class"] is not None:
+        raise ValueError("object_class cannot be given together with tracks")
+    path = Path(given["tracks"])
+    if not path.is_file():
+        raise ValueError(f"tracks must name a file, but there is no {str(path)!r}")
+    known, began = first_known(path)
+    return {
+        "tracks": os.fspath(given["tracks"]),
+        "position": known if given["position"] is None else given["position"],
+        "time": began if given["time"] is None else given["time"],
+        "wind": (0.0, 0.0) if given["wind"] is None else given["wind"],
+    }
+
+
+def _check_tracks_alone(values: dict[str, Any], given: dict[str, Any]) -> None:
+    """Refuse values that tracks have already: given, they would have no effect."""
+    is_still = values["current"].vectors_from(0.0) == {0.0: (0.0, 0.0)}
+    usual = {each.name: each.default for each in fields(Incident)}
+    for name in IN_TRACKS:
+        is_usual = is_still if name == "current" else values[name] == usual[name]
+        if not is_usual:
+            raise ValueError(
+                f"{name} cannot be given together with tracks, which have it already, got "
+                f"{given[name]!r:.100}"
+            )
+
+
+def _places_and_times(values: dict[str, Any]) -> dict[str, Any]:
+    position = _position("position", values["position"])
+    time = in_utc("time", values["time"])
+    base = position
+    if values["base"] is not None:
+        base = _position("base", values["base"])
+    if not TangentPlane(*position).distance(*base) <= FARTHEST:
+        raise ValueError(
+            f"base must be within {FARTHEST / 1000:g} km of position, got {base}, far from "
+            f"{position}; is the latitude first in both?"
+        )
+    start = time + timedelta(hours=1)
+    if values["start"] is not None:
+        start = near("start", values["start"], time)
+    if start < time:
+        raise ValueError(f"start must not be before time, {time}, got {start}")
+    if start > time + LONGEST_DRIFT:
+        hours = LONGEST_DRIFT.total_seconds() / 3600
+        raise ValueError(
+            f"start must be at most {hours:g} hours after time, {time}, got {start}; later, take a "
+            "newer position"
+        )
+    return {"position": position, "time": time, "base": base, "start": start}
+
+
+def _position(name: str, value: object) -> Pair:
+    if isinstance(value, str):
+        value = units.named(name, units.position, value)
+    elif isinstance(value, (tuple, list)) and len(value) == 2:
+        value = tuple(
+            units.named(name, units.degrees, number, letters) if isinstance(number, str) else number
+            for number, letters in zip(value, ("NS", "EW"), strict=True)
+        )
+    latitude, longitude = checks.pair(name, value, "(latitude, longitude) in degrees")
+    if not (abs(latitude) <= 89.0 and abs(longitude) <= 180.0):
+        raise ValueError(
+            f"{name} must be (latitude, longitude) in degrees, the latitude first and from -89 to "
+            f"89, the longitude from -180 to 180, got {value!r}"
+        )
+    return latitude, longitude
+
+
+def _flown(values: dict[str, Any]) -> tuple[FlownFlight, ...]:
+    """The earlier flights; waypoints alone were flown by drones such as these."""
+    start = values["start"]
+    flights = []
+    for number, given in enumerate(checks.items("flown", values["flown"], "a list of flights")):
+        name = f"flown[{number}]"
+        flight = read_flown(name, given, values["swath"], values["probability_of_detection"])
+        if flight.landing > start:
+            raise ValueError(
+                f"start must not be before the landing of {name}, "
+                f"{flight.landing:%Y-%m-%d %H:%M}, got {start:%Y-%m-%d %H:%M}"
+            )
+        flights.append(flight)
+    return tuple(flights)
+
+
+def _plain(value: object) -> object:
+    """What JSON holds in place of a time or a flown flight."""
+    if isinstance(value, FlownFlight):
+        return vars(value)
+    assert isinstance(value, datetime)
+    return value.isoformat()

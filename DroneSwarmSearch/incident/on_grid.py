@@ -3,69 +3,127 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.geo.scale import Scale
-from DroneSwarmSearch.incident.report import Report
+from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.particles import Particles, simulate
 from DroneSwarmSearch.persons.person import Person
 from DroneSwarmSearch.persons.tracks import Tracks
 
-PARTICLES, LEAST_CELLS, MOST_CELLS = 10_000, 12, 48
-"""The number of tracks, and the fewest and most cells along each side."""
+PARTICLES = 10_000  # the number of tracks
+LEAST_CELLS = 12  # along each side
+MOST_CELLS = 48
 
 STARTS_HOLD = 0.9
 """The drones begin in cells of the smallest area that holds this share of the probability."""
 
 
-class GridSearch(NamedTuple):
-    """A scenario, the drones' start cells, the scale, and the cell (x, y) at the plane's origin."""
+class _OnGrid(NamedTuple):
+    """A search on a grid, and the cell (x, y) at the last known position, real numbers."""
 
-    scenario: Scenario
-    starts: tuple[Cell, ...]
+    search: NamedSearch
     scale: Scale
     middle: Floats
 
-    @classmethod
-    def of(cls, report: Report) -> GridSearch:
-        """Lay a grid over the particles, from the drones' arrival to their departure."""
-        cloud, start = report.particles(PARTICLES, 0), report.seconds(report.start)
-        base = report.plane.metres(*report.base)
-        first = start + float(np.hypot(*(cloud.mean(start) - base))) / report.speed
-        last = max(2 * start + report.endurance - first, first + report.endurance / 10)
-        rows = cloud.rows(np.array([first, last]))
-        ends = np.percentile(cloud.positions[:, rows], (0.25, 99.75), (1, 2))
-        extent = float((ends[1] - ends[0]).max())
-        wide = math.ceil((extent / report.swath + 1) / MOST_CELLS)
-        metres = wide * report.swath
-        scale = Scale(metres, metres / (2 * report.speed))
-        size = max(math.ceil(extent / metres) + 1, LEAST_CELLS)
-        middle = (size - 1) / 2 - ends.mean(axis=0) * (1, -1) / metres
-        limit = scale.whole_steps(last - first)
-        times = (first + scale.seconds_per_step * np.arange(limit + 1) - cloud.begin) / cloud.step
-        row = np.minimum(times.astype(np.int64), cloud.positions.shape[1] - 2)
-        part = (times - row).clip(0, 1)[:, None].astype(np.float32)
-        here, ahead = cloud.positions[:, row], cloud.positions[:, row + 1]
-        cells = np.stack(here + part * (ahead - here), axis=-1) * (1, -1) / metres + middle
-        tracks = Tracks(cells.clip(0, size - 1), cloud.weights)
-        # The drones begin in likely cells, those nearest to the base.
-        x, y = np.rint(tracks.positions[0].T).astype(np.int64)
-        mass = np.bincount(y * size + x, tracks.weights, size**2)
-        likely = np.argsort(-mass, kind="stable")
-        count = int(np.searchsorted(mass[likely].cumsum(), STARTS_HOLD)) + 1
-        y, x = np.divmod(likely[: max(count, report.drones)], size)
-        away = np.hypot(*((np.stack([x, y], axis=1) - middle) * (1, -1) * metres - base).T)
-        nearest = np.argsort(away, kind="stable")[: report.drones].tolist()
-        person = Person(tracks, report.probability_of_detection / wide, fine=1)
-        scenario = Scenario(
-            size,
-            report.drones,
-            persons=(person,),
-            timestep_limit=limit,
-            bayesian_update=True,
-        )
-        return cls(scenario, tuple((int(x[k]), int(y[k])) for k in nearest), scale, middle)
+
+def search_on_grid(incident: Incident) -> NamedSearch:
+    """The search on a grid, to train on or to play; its person drifts as the particles do.
+
+    A cell is as wide as the strip that a drone sees, or several times as wide if the area is
+    large, and a drone moves and searches while a real one crosses it in still air.
+
+    Returns:
+        The scenario with its start cells and its `Scale`; its `reason` is the incident.
+    """
+    return _on_grid(incident).search
+
+
+def locate(incident: Incident, cells: ArrayLike) -> Floats:
+    """Where cells of `search_on_grid` are.
+
+    Args:
+        incident: the incident.
+        cells: (x, y), real numbers: (..., 2).
+
+    Returns:
+        (latitude, longitude) in degrees: float64, (..., 2).
+    """
+    grid = _on_grid(incident)
+    metres = (np.asarray(cells) - grid.middle) * (1, -1) * grid.scale.metres_per_cell
+    return incident.plane.degrees(metres)
+
+
+@lru_cache(maxsize=4)
+def _on_grid(incident: Incident) -> _OnGrid:
+    """Lay a grid over the particles, from the drones' arrival to their departure."""
+    cloud = simulate(incident, PARTICLES, 0)
+    begin, end = _hours(incident, cloud)
+    at_ends = cloud.positions[:, cloud.rows(np.array([begin, end]))]
+    low, high = np.percentile(at_ends, (0.25, 99.75), (1, 2))
+    extent = float((high - low).max())
+    wide = math.ceil((extent / incident.swath + 1) / MOST_CELLS)
+    metres = wide * incident.swath
+    scale = Scale(metres, metres / (2 * incident.speed))
+    size = max(math.ceil(extent / metres) + 1, LEAST_CELLS)
+    centre = np.mean([low, high], axis=0)
+    middle = (size - 1) / 2 - centre * (1, -1) / metres
+
+    limit = scale.whole_steps(end - begin)
+    times = begin + scale.seconds_per_step * np.arange(limit + 1, dtype=np.float64)
+    cells = _interpolated(cloud, times) * (1, -1) / metres + middle
+    tracks = Tracks(cells.clip(0, size - 1), cloud.weights)
+    person = Person(tracks, incident.probability_of_detection / wide, fine=1)
+    scenario = Scenario(
+        size,
+        incident.drones,
+        persons=(person,),
+        timestep_limit=limit,
+        bayesian_update=True,
+    )
+
+    # The drones begin in likely cells, those nearest to the base.
+    likely = _likely_cells(tracks, size, incident.drones)
+    base = incident.plane.metres(*incident.base)
+    away = np.hypot(*((likely - middle) * (1, -1) * metres - base).T)
+    nearest = np.argsort(away, kind="stable")[: incident.drones]
+    starts = tuple((x, y) for x, y in likely[nearest].tolist())
+    search = NamedSearch("incident", incident.sentence, scenario, starts, scale)
+    return _OnGrid(search, scale, middle)
+
+
+def _hours(incident: Incident, cloud: Particles) -> tuple[float, float]:
+    """When drones arrive at the mean position, and when they leave, in seconds."""
+    start = incident.seconds(incident.start)
+    away = cloud.mean(start) - incident.plane.metres(*incident.base)
+    first = start + float(np.hypot(*away)) / incident.speed
+    last = max(2 * start + incident.endurance - first, first + incident.endurance / 10)
+    return first, last
+
+
+def _interpolated(cloud: Particles, times: Floats) -> Floats:
+    """The positions of particles at some times, in metres: (times, n, 2)."""
+    steps = (times - cloud.begin) / cloud.step
+    row = np.minimum(steps.astype(np.int64), cloud.positions.shape[1] - 2)
+    part = (steps - row).clip(0, 1)[:, None].astype(np.float32)
+    here = cloud.positions[:, row]
+    ahead = cloud.positions[:, row + 1]
+    positions: Floats = np.stack(here + part * (ahead - here), axis=-1)
+    return positions
+
+
+def _likely_cells(tracks: Tracks, size: int, fewest: int) -> Ints:
+    """The cells (x, y) of the smallest area that holds most of the probability: (n, 2)."""
+    x, y = np.rint(tracks.positions[0].T).astype(np.int64)
+    mass = np.bincount(y * size + x, tracks.weights, size**2)
+    likely = np.argsort(-mass, kind="stable")
+    count = int(np.searchsorted(mass[likely].cumsum(), STARTS_HOLD)) + 1
+    y, x = np.divmod(likely[: max(count, fewest)], size)
+    return np.stack([x, y], axis=1)

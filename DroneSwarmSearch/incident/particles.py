@@ -1,23 +1,30 @@
-"""Particles: possible persons who drift in continuous space, and which of them flights pass."""
+"""Particles: possible persons who drift in continuous space, and which of them drones pass."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
+from DroneSwarmSearch.geo.flows import Flow
+from DroneSwarmSearch.geo.scale import Scale
+from DroneSwarmSearch.incident.flights import legs_of
+from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.persons import leeway
 from DroneSwarmSearch.persons.leeway import DIFFUSIVITY, JIBING, ObjectClass
-
-Flow = Callable[[Any, Floats], Floats]
-"""The velocity of wind or water, (east, north) in m/s, (2, 1) or (2, n), at a time in seconds and
-positions in metres, (2, n); NaN on land."""
+from DroneSwarmSearch.persons.track_files import positions
 
 LONGEST_STEP = 60.0  # of the simulation, in seconds
-MOST_STEPS = 720  # before the first time to keep: beyond half a day adrift, steps are longer
+MOST_STEPS_ADRIFT = 720  # before the first time to keep: beyond half a day, steps are longer
+
+SHORTEST_STEP = 15.0  # between the times that are kept, in seconds
+MOST_STEPS = 400  # that are kept
+
+FEWEST_TRACKS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,120 +70,222 @@ class Particles:
         mean: Floats = self.weights @ self.at(time)
         return mean
 
-    def passes(self, legs: Floats, swath: float) -> tuple[Ints, Floats]:
-        """The particles that drones pass, and when: the leg comes abeam of them, within the strip.
+    def first(self, n: int) -> Particles:
+        """The first n of them, or all."""
+        weights = self.weights[:n] / self.weights[:n].sum()
+        return replace(self, positions=self.positions[..., :n], weights=weights)
+
+    # Flights.
+
+    def sweeps(self, legs: Floats, swath: float) -> tuple[Ints, Floats]:
+        """The particles that drones sweep over: the leg comes abeam of them, within the strip.
 
         Args:
             legs: time, east and north of the beginnings and of the ends: float64, (n, 2, 3).
             swath: the width of the strip.
 
         Returns:
-            Indices of particles, one for each pass, and times.
+            Indices of particles, one for each time that a drone sweeps over one; and the times.
         """
-        legs = legs[np.any(legs[:, 0, 1:] != legs[:, 1, 1:], axis=1)]
-        (begin, *start), (end, *stop) = np.moveaxis(legs, 0, -1)
-        way = np.subtract(stop, start)
-        length = np.hypot(*way)
-        x, y = (way / length).astype(np.float32)
-        right_of, up_of = np.array(start, np.float32)
-        speed, half = length / (end - begin), swath / 2
+        moving = np.any(legs[:, 0, 1:] != legs[:, 1, 1:], axis=1)
+        lines = _Legs.of(legs[moving])
+        half = swath / 2
+
+        # First, which ones may be passed, from where they are half-way.
+        row = self.rows((lines.begin + lines.end) / 2)
+        leg = np.arange(len(lines.length))[:, None]
         east, north = self.positions
+        along, across = lines.beside(leg, east[row], north[row])
+        reach = (half + self.fastest * (lines.end - lines.begin) / 2).astype(np.float32)[:, None]
+        middle = (lines.length / 2).astype(np.float32)[:, None]
+        is_near = (np.abs(across) < reach) & (np.abs(along - middle) < middle + reach)
+        leg, who = np.nonzero(is_near)
 
-        def beside(which: tuple[Any, ...], leg: Any) -> tuple[Singles, Singles]:
-            """How far particles are along and across a leg."""
-            right, up = east[which] - right_of[leg], north[which] - up_of[leg]
-            return right * x[leg] + up * y[leg], up * x[leg] - right * y[leg]
-
-        # First, which ones may be passed, from where they are half-way; then, where they are when
-        # the drone comes abeam of them.
-        row, column = self.rows((begin + end) / 2), np.arange(len(length))[:, None]
-        along, across = beside((row,), column)
-        reach = (half + self.fastest * (end - begin) / 2).astype(np.float32)[:, None]
-        middle = (length / 2).astype(np.float32)[:, None]
-        leg, who = np.nonzero((np.abs(across) < reach) & (np.abs(along - middle) < middle + reach))
-        when = np.clip(begin[leg] + along[leg, who] / speed[leg], begin[leg], end[leg])
-        along, across = beside((self.rows(when), who), leg)
-        passed = (np.abs(across) <= half) & (along >= 0) & (along < length[leg])
-        leg, along, who = leg[passed], along[passed], who[passed]
-        return who, begin[leg] + along / speed[leg]
+        # Then, where they are when the drone comes abeam of them.
+        begin = lines.begin[leg]
+        speed = lines.speed[leg]
+        when = np.clip(begin + along[leg, who] / speed, begin, lines.end[leg])
+        row = self.rows(when)
+        along, across = lines.beside(leg, east[row, who], north[row, who])
+        is_swept = (np.abs(across) <= half) & (along >= 0) & (along < lines.length[leg])
+        return who[is_swept], begin[is_swept] + along[is_swept] / speed[is_swept]
 
     def missed(self, legs: Floats, swath: float, detection: float) -> Floats:
-        """The probability that all passes miss a particle, if it is where it is: float64, (n,)."""
-        return self.missed_after(self.passes(legs, swath)[0], detection)
+        """The probability that flights miss each particle, if it is where it is: float64, (n,)."""
+        swept, _ = self.sweeps(legs, swath)
+        return self.missed_after(swept, detection)
 
-    def missed_after(self, who: Ints, detection: float) -> Floats:
-        """The same, given the particles of `passes`."""
-        passes = np.bincount(who, minlength=len(self.weights))
-        missed: Floats = (1.0 - detection) ** passes.astype(np.float64)
+    def missed_after(self, swept: Ints, detection: float) -> Floats:
+        """The same, given the particles of `sweeps`."""
+        times = np.bincount(swept, minlength=len(self.weights))
+        missed: Floats = (1.0 - detection) ** times.astype(np.float64)
         return missed
 
 
-def drift(
-    kind: ObjectClass,
-    wind: Flow,
-    current: Flow,
-    *,
-    begin: float,
-    step: float,
-    count: int,
-    n: int,
-    seed: int,
-    position_sd: float,
-    wind_error: float,
-    current_error: float,
-) -> Particles:
-    """Simulate persons from the last known position on, at time 0 and (0, 0).
+@dataclass(frozen=True, eq=False)
+class _Legs:
+    """Straight legs: beginnings and ends in seconds, directions, lengths and speeds, each (n,)."""
+
+    begin: Floats
+    end: Floats
+    east: Singles  # of the beginnings
+    north: Singles
+    x: Singles  # the direction
+    y: Singles
+    length: Floats
+
+    @classmethod
+    def of(cls, legs: Floats) -> _Legs:
+        begin, east, north = legs[:, 0].T
+        end, to_east, to_north = legs[:, 1].T
+        way = np.array([to_east - east, to_north - north])
+        length = np.hypot(*way)
+        x, y = (way / length).astype(np.float32)
+        return cls(
+            begin=begin,
+            end=end,
+            east=east.astype(np.float32),
+            north=north.astype(np.float32),
+            x=x,
+            y=y,
+            length=length,
+        )
+
+    @property
+    def speed(self) -> Floats:
+        """In m/s."""
+        return self.length / (self.end - self.begin)
+
+    def beside(self, leg: Ints, east: Singles, north: Singles) -> tuple[Singles, Singles]:
+        """How far positions are along and across some legs."""
+        right = east - self.east[leg]
+        up = north - self.north[leg]
+        along = right * self.x[leg] + up * self.y[leg]
+        across = up * self.x[leg] - right * self.y[leg]
+        return along, across
+
+
+def simulate(incident: Incident, n: int, seed: int) -> Particles:
+    """Possible persons during all flights, weighted by what earlier ones have missed.
+
+    Args:
+        incident: what is known.
+        n: how many, or fewer if there are not so many tracks.
+        seed: of the random numbers; 0 and 1 take different tracks.
+    """
+    starts = [incident.start, *(flight.waypoints[0].time for flight in incident.flown)]
+    begin = max(incident.seconds(min(starts)), 0.0)  # before the report, there are no particles
+    duration = incident.seconds(incident.start) + incident.endurance - begin
+    step = max(SHORTEST_STEP, duration / MOST_STEPS)
+    count = math.ceil(duration / step) + 1
+    times = begin + step * np.arange(count, dtype=np.float64)
+    if incident.tracks is None:
+        drifting = _Drifting(incident, n, seed)
+        cloud = drifting.at_times(times, step)
+    else:
+        cloud = _of_tracks(incident, times, step, n, seed)
+
+    missed = np.ones_like(cloud.weights)
+    for flight in incident.flown:
+        legs = legs_of(flight.waypoints, incident.plane, incident.time)
+        missed *= cloud.missed(legs, flight.swath, flight.probability_of_detection)
+    weights = cloud.weights * missed
+    found = float(cloud.weights @ (1.0 - missed))
+    return replace(cloud, weights=weights / weights.sum(), found=found)
+
+
+def _of_tracks(incident: Incident, times: Floats, step: float, n: int, seed: int) -> Particles:
+    """Particles from the tracks of an incident, at most n; odd seeds take every other track."""
+    begin = float(times[0])
+    cells, *_ = positions(
+        Path(incident.tracks or ""),
+        Scale(1.0, step),
+        origin=incident.position,
+        cell=(0.0, 0.0),
+        start=incident.origin.at(begin).isoformat(),
+        steps=len(times) - 1,
+        diffusivity=0.0,
+        seed=0,
+    )
+    if cells.shape[1] < FEWEST_TRACKS:
+        raise ValueError(
+            f"tracks must be at least {FEWEST_TRACKS}, half of which choose the patterns, got "
+            f"{cells.shape[1]} in {incident.tracks}"
+        )
+    metres = cells[:, seed % 2 :: 2] * (1, -1)
+    some = metres[:, :n].astype(np.float32)
+    weights = np.full(some.shape[1], 1.0 / some.shape[1])
+    return Particles(begin, step, np.ascontiguousarray(some.transpose(2, 0, 1)), weights)
+
+
+class _Drifting:
+    """Persons who drift from the last known position on, at time 0 and (0, 0).
 
     The Leeway model of Breivik and Allen (2008), as `leeway` describes it, in each particle's own
     wind: an object's errors, and those of its wind and current, never change. Turbulence
     is a random walk. Who comes to land stays there. A step takes the velocity at its middle, where
     the last step's velocity leads.
-
-    Args:
-        kind: the class of the object.
-        wind: at a height of 10 m.
-        current: of the water.
-        begin: the first time of the positions to keep, in seconds, at least 0.
-        step: between these times.
-        count: how many there are.
-        n: the number of particles.
-        seed: of the random numbers.
-        position_sd: the standard deviation of the start along each axis, in metres.
-        wind_error: the standard deviation of the wind's error along each axis, in m/s.
-        current_error: the standard deviation of the current's error along each axis, in m/s.
     """
-    rng = np.random.default_rng(seed)
-    place = rng.normal(0.0, position_sd, (2, n))
-    wind_off = rng.normal(0.0, wind_error, (2, n))
-    current_off = rng.normal(0.0, current_error, (2, n))
-    slope, offset, sd = kind.downwind
-    along = rng.normal(0.0, sd, n)
-    while np.any(wrong := slope + along / 20 < 0):
-        along[wrong] = rng.normal(0.0, sd, int(wrong.sum()))
-    sides = np.array([kind.right, kind.left])
-    side, across = np.arange(n) % 2, rng.normal(size=n)
 
-    def velocity(time: float, place: Floats) -> Floats:
-        blown = wind(time, place) + wind_off
+    def __init__(self, incident: Incident, n: int, seed: int) -> None:
+        self._kind: ObjectClass = leeway.class_of(incident.object_class)
+        self._wind: Flow = incident.wind
+        self._current: Flow = incident.current
+        self._rng = np.random.default_rng(seed)
+        self._n = n
+        self._place = self._rng.normal(0.0, incident.position_sd, (2, n))
+        self._wind_off = self._rng.normal(0.0, incident.wind_error, (2, n))
+        self._current_off = self._rng.normal(0.0, incident.current_error, (2, n))
+        self._along = self._downwind_errors()
+        self._side = np.arange(n) % 2  # 0: right of the wind
+        self._across = self._rng.normal(size=n)
+
+    def _downwind_errors(self) -> Floats:
+        """The downwind errors, drawn again where an object would drift against the wind."""
+        slope, _, sd = self._kind.downwind
+        along = self._rng.normal(0.0, sd, self._n)
+        wrong = slope + along / 20 < 0
+        while np.any(wrong):
+            along[wrong] = self._rng.normal(0.0, sd, int(wrong.sum()))
+            wrong = slope + along / 20 < 0
+        return along
+
+    def _velocity(self, time: float, place: Floats) -> Floats:
+        """(east, north) in m/s, (2, n); NaN on land."""
+        self._wind.check_within(time, place)
+        self._current.check_within(time, place)
+        blown = self._wind.velocity(time, place) + self._wind_off
         speed = np.hypot(*blown)
         downwind = blown / np.maximum(speed, 1e-9)
-        a, b, s = sides[side].T
-        down = (slope + along / 20) * speed + offset + along / 2
-        right = (a + s * across / 20) * speed + b + s * across / 2
-        leeway: Floats = (down * downwind + right * (downwind[::-1] * [[1], [-1]])) / 100
-        return leeway + current(time, place) + current_off
+        slope, offset, _ = self._kind.downwind
+        down = (slope + self._along / 20) * speed + offset + self._along / 2
+        sides = np.array([self._kind.right, self._kind.left])
+        a, b, s = sides[self._side].T
+        right = (a + s * self._across / 20) * speed + b + s * self._across / 2
+        to_the_right = downwind[::-1] * [[1], [-1]]
+        leeway_velocity: Floats = (down * downwind + right * to_the_right) / 100
+        return leeway_velocity + self._current.velocity(time, place) + self._current_off
 
-    positions = np.empty((2, count, n), np.float32)
-    longest = max(LONGEST_STEP, begin / MOST_STEPS)
-    now, ashore, speed = 0.0, np.zeros(n, np.bool_), velocity(0.0, place)
-    for row, time in enumerate((begin + step * np.arange(count)).tolist()):
-        for parts in range(int(np.ceil((time - now) / longest)), 0, -1):
-            h = (time - now) / parts
-            side ^= rng.random(n) < 1.0 - (1.0 - JIBING) ** (h / 3600)
-            speed = velocity(now + h / 2, place + h / 2 * np.nan_to_num(speed))
-            move = h * speed + rng.normal(0.0, np.sqrt(2 * DIFFUSIVITY * h), (2, n))
-            ashore |= np.isnan(move[0])
-            place += np.where(ashore, 0.0, move)
-            now += h
-        positions[:, row] = place
-    return Particles(begin, step, positions, np.full(n, 1.0 / n), float(ashore.mean()))
+    def at_times(self, times: Floats, step: float) -> Particles:
+        """The persons at regular times, in seconds, the first at least 0."""
+        n = self._n
+        kept = np.empty((2, len(times), n), np.float32)
+        longest = max(LONGEST_STEP, times[0] / MOST_STEPS_ADRIFT)
+        now = 0.0
+        ashore: Flags = np.zeros(n, np.bool_)
+        velocity = self._velocity(0.0, self._place)
+        for row, time in enumerate(times.tolist()):
+            for parts in range(math.ceil((time - now) / longest), 0, -1):
+                h = (time - now) / parts
+                jibes = 1.0 - (1.0 - JIBING) ** (h / 3600)
+                self._side ^= self._rng.random(n) < jibes
+                half_way = self._place + h / 2 * np.nan_to_num(velocity)
+                velocity = self._velocity(now + h / 2, half_way)
+                walk = self._rng.normal(0.0, np.sqrt(2 * DIFFUSIVITY * h), (2, n))
+                move = h * velocity + walk
+                ashore |= np.isnan(move[0])
+                self._place += np.where(ashore, 0.0, move)
+                now += h
+            kept[:, row] = self._place
+        weights = np.full(n, 1.0 / n)
+        return Particles(float(times[0]), step, kept, weights, ashore=float(ashore.mean()))

@@ -45,9 +45,20 @@ PALETTES: dict[str, tuple[Colour, ...]] = {
 # orange, green, yellow, vermilion, purple and black in their order from orange, then the two blues,
 # which are also those of the sea.
 DRONES: tuple[Colour, ...] = (
-    *((230, 159, 0), (0, 158, 115), (240, 228, 66), (213, 94, 0)),
-    *((204, 121, 167), (0, 0, 0), (86, 180, 233), (0, 114, 178)),
+    (230, 159, 0),
+    (0, 158, 115),
+    (240, 228, 66),
+    (213, 94, 0),
+    (204, 121, 167),
+    (0, 0, 0),
+    (86, 180, 233),
+    (0, 114, 178),
 )
+
+
+def style_sheet(name: str) -> str:
+    """The name of a style sheet of Matplotlib: "plots", or the colours "light" or "dark"."""
+    return f"DroneSwarmSearch.rendering.{name}"
 
 
 def shares_of_maximum(matrix: NDArray[np.float32]) -> NDArray[np.float32]:

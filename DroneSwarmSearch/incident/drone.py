@@ -1,0 +1,214 @@
+"""Drones: how they fly along a pattern in the wind, and back in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch.geo.flows import Flow
+from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.patterns import Pattern
+
+APART = 20.0  # metres of height between drones
+
+WIND_EXPONENT = 0.11
+"""Winds over the open sea grow with height z as (z / 10 m)^0.11: S. Hsu, E. Meindl, D. Gilhousen,
+J. Appl. Meteor. 33:757 (1994)."""
+
+SLOWEST = 0.1  # of the airspeed; drones that are slower over the ground make no headway in gusts
+SETTLED = 0.05  # seconds: so exact are times that depend on a wind that depends on them
+POINTS_PER_HOUR = 50  # the most points of a pattern
+FEWEST_POINTS = 42
+PARTS = 256  # of a leg, at the end of one of which the way home may begin
+
+
+@dataclass(frozen=True, eq=False)
+class Drone:
+    """What a drone can do; see `Incident`. Its times are in seconds after take-off.
+
+    Attributes:
+        airspeed: in m/s.
+        turn: seconds for a turn by a right angle.
+        endurance: seconds from take-off to landing, less the reserve.
+        base: where it takes off and lands, (east, north) in metres.
+        height: at which it flies above the sea, in metres.
+        flow: the wind at 10 m.
+        take_off: in the seconds of the flow.
+    """
+
+    airspeed: float
+    turn: float
+    endurance: float
+    base: Floats
+    height: float
+    flow: Flow
+    take_off: float
+
+    @property
+    def wind_factor(self) -> float:
+        """The wind at its height, divided by that at 10 m."""
+        return float((max(self.height, 1.0) / 10.0) ** WIND_EXPONENT)
+
+    def wind(self, times: Floats, points: Floats) -> Floats:
+        """The wind at its height, (east, north) in m/s, at points in metres, (2, n).
+
+        Beyond the edge of a field it is that at the edge, because drones try flights that leave it;
+        where nothing is known, there is none.
+        """
+        velocity = self.flow.velocity(self.take_off + times, points)
+        return np.nan_to_num(velocity) * self.wind_factor
+
+    def ground_speed(self, wind: Floats, unit: Floats) -> Floats:
+        """The speed over the ground along tracks, or NaN where the drone makes no headway.
+
+        With the wind w, the airspeed v and the direction e, it is w.e + sqrt(v² - (w x e)²).
+
+        Args:
+            wind: (east, north) in m/s, (2, ...).
+            unit: the direction, (2, ...).
+        """
+        across = wind[0] * unit[1] - wind[1] * unit[0]
+        root = np.sqrt(np.maximum(self.airspeed**2 - across**2, 0.0))
+        speed = (wind * unit).sum(axis=0) + root
+        return np.where((root > 0.0) & (speed >= SLOWEST * self.airspeed), speed, np.nan)
+
+    def turning(self, unit: Floats, after: Floats) -> Floats:
+        """Seconds to turn from one direction into another one, (2, n)."""
+        angle = np.arccos(np.clip((unit * after).sum(axis=0), -1.0, 1.0))
+        seconds: Floats = angle / (np.pi / 2) * self.turn
+        return seconds
+
+    def home(self, times: Floats, points: Floats, unit: Floats) -> Floats:
+        """Seconds for the way home at times from points, (2, n), after flying along `unit`.
+
+        They are infinite where the drone makes no headway.
+        """
+        way = self.base[:, None] - points
+        length = np.hypot(*way)
+        back = np.where(length > 0, way / np.maximum(length, 1e-9), unit)
+        turning = self.turning(unit, back)
+        seconds = turning
+        for _ in range(8):  # the wind half-way
+            before = seconds
+            wind = self.wind(times + before / 2, points + way / 2)
+            seconds = np.fmin(turning + length / self.ground_speed(wind, back), 2 * self.endurance)
+            settled = np.abs(seconds - before) < SETTLED
+            if settled.all():
+                break
+        return np.where(settled & (seconds < 2 * self.endurance), seconds, np.inf)
+
+    def fly(self, pattern: Pattern) -> Floats | None:
+        """Fly a pattern until the way home must begin.
+
+        Returns:
+            Seconds after take-off, east and north of each waypoint, from take-off to landing:
+            float64, (n, 3). At a waypoint, the drone first turns. None if it cannot get to the
+            commence search point and back.
+        """
+        whole = self._whole(pattern)
+        with np.errstate(invalid="ignore"):
+            back = self.home(whole.times[1:], whole.points[:, 1:], whole.courses)
+        is_late = ~(whole.times[1:] + back <= self.endurance)
+        last = int(is_late.argmax()) if is_late.any() else len(is_late)
+        if last == 0:
+            return None
+        times = whole.times[: last + 1]
+        points = whole.points[:, : last + 1]
+        home = back[last - 1]
+        if last < len(is_late) and whole.times[last + 1] < 2 * self.endurance:
+            part = self._part_of_leg(whole, last)
+            if part is not None:
+                times = np.append(times, part.time)
+                points = np.column_stack([points, part.point])
+                home = part.home
+        times = np.append(times, times[-1] + home)
+        points = np.column_stack([points, self.base])
+        return np.vstack([times, points]).T
+
+    def _whole(self, pattern: Pattern) -> _Whole:
+        """The flight along all points of a pattern, which may take longer than the drone can fly.
+
+        In the frame that moves with the pattern, legs are straight. The wind depends on the times,
+        and they on the wind, so both are computed again until they settle.
+        """
+        count = max(FEWEST_POINTS, round(self.endurance / 3600 * POINTS_PER_HOUR))
+        drift = pattern.drift[:, None]
+        points = np.vstack([self.base, pattern.points(count)])
+        way = np.diff(points.T, axis=1)
+        length = np.hypot(*way)
+        unit = way / np.maximum(length, 1e-9)
+        times = np.zeros(len(points))
+        turns = np.zeros(len(length))
+        for _ in range(2 * len(points)):
+            before = times
+            middle = (times[:-1] + times[1:]) / 2
+            half_way = (points[:-1] + points[1:]).T / 2 + drift * middle
+            wind = self.wind(middle, half_way) - drift
+            courses = unit * self.ground_speed(wind, unit) + drift
+            courses /= np.maximum(np.hypot(*courses), 1e-9)
+            turns[1:] = self.turning(courses[:, :-1], courses[:, 1:])
+            # While the drone turns, the next point moves on.
+            flown = way + drift * turns
+            length = np.hypot(*flown)
+            unit = flown / np.maximum(length, 1e-9)
+            legs = turns + length / self.ground_speed(wind, unit)
+            times = np.append(0.0, np.nan_to_num(legs, nan=np.inf).cumsum())
+            times = np.minimum(times, 2 * self.endurance)
+            settled = np.abs(times - before) < SETTLED
+            if settled.all():
+                break
+        times[~settled] = 2 * self.endurance  # legs that can only be flown at other times
+        with np.errstate(invalid="ignore"):
+            return _Whole(times, points.T + drift * times, courses, turns)
+
+    def _part_of_leg(self, whole: _Whole, last: int) -> _Part | None:
+        """The longest part of the leg after waypoint `last` after which the drone comes home."""
+        share = np.linspace(0.0, 1.0, PARTS + 1)[1:-1]
+        begin = whole.times[last] + whole.turns[last]
+        times = begin + share * (whole.times[last + 1] - begin)
+        start = whole.points[:, last]
+        points = start[:, None] + share * (whole.points[:, last + 1] - start)[:, None]
+        with np.errstate(invalid="ignore"):
+            homes = self.home(times, points, whole.courses[:, last : last + 1])
+        is_possible = times + homes <= self.endurance
+        if not is_possible[0]:
+            return None
+        end = len(share) - 1 if is_possible.all() else int(is_possible.argmin()) - 1
+        return _Part(times[end], points[:, end], homes[end])
+
+
+@dataclass(frozen=True, eq=False)
+class _Whole:
+    """A flight: times and points of n waypoints, and of each leg its course and the turn before it.
+
+    Times are (n,), points (2, n), courses (2, n - 1) and turns, in seconds, (n - 1,).
+    """
+
+    times: Floats
+    points: Floats
+    courses: Floats
+    turns: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """When and where part of a leg ends, and the seconds for the way home from there."""
+
+    time: float
+    point: Floats
+    home: float
+
+
+def drone_of(incident: Incident, number: int) -> Drone:
+    """A drone of an incident; each flies at a height of its own."""
+    return Drone(
+        airspeed=incident.speed,
+        turn=incident.turn,
+        endurance=incident.endurance - incident.reserve,
+        base=incident.plane.metres(*incident.base),
+        height=incident.altitude + APART * number,
+        flow=incident.wind,
+        take_off=incident.seconds(incident.start),
+    )

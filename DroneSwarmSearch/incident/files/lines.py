@@ -1,0 +1,47 @@
+"""Flights as lines in degrees, and times as text, for the files of a plan."""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime
+from itertools import pairwise
+
+import numpy as np
+
+from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch.incident.flight_plan import FlightPlan
+from DroneSwarmSearch.incident.flights import Flight, Waypoint, track
+
+Line = list[tuple[float, float]]  # (longitude, latitude), the order of GeoJSON and KML
+
+
+def utc(time: datetime) -> str:
+    """A time as text."""
+    return time.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def lengths(plan: FlightPlan, flight: Flight) -> Floats:
+    """The lengths of the legs in metres."""
+    points = track(flight, plan.incident.plane)
+    lengths: Floats = np.hypot(*np.diff(points, axis=0).T)
+    return lengths
+
+
+def point_of(waypoint: Waypoint) -> tuple[float, float]:
+    """A waypoint's longitude and latitude."""
+    return round(waypoint.longitude, 7), round(waypoint.latitude, 7)
+
+
+def split(flight: Flight) -> list[Line]:
+    """Lines that end where they reach the date line, see RFC 7946, section 3.1.9."""
+    points = [point_of(waypoint) for waypoint in flight]
+    lines = [points[:1]]
+    for (x, y), (next_x, next_y) in pairwise(points):
+        if abs(next_x - x) > 180:
+            edge = math.copysign(180, x)
+            gap = next_x + 2 * edge - x
+            crossing = y + (edge - x) / gap * (next_y - y) if gap else y
+            lines[-1].append((edge, crossing))
+            lines.append([(-edge, crossing)])
+        lines[-1].append((next_x, next_y))
+    return [line for line in lines if len(set(line)) > 1]

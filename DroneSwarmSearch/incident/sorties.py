@@ -1,0 +1,199 @@
+"""The next sortie: an incident after flights that found nobody."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from datetime import datetime, timedelta
+from typing import Any, Protocol
+
+import numpy as np
+
+from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch.geo.flows import Flow, Origin, Series
+from DroneSwarmSearch.geo.plane import TangentPlane
+from DroneSwarmSearch.geo.times import in_utc, near
+from DroneSwarmSearch.geo.typed_flows import read_flow
+from DroneSwarmSearch.incident.drone import drone_of
+from DroneSwarmSearch.incident.flights import (
+    Flight,
+    FlownFlight,
+    NamedFlight,
+    check_order,
+    read_flights,
+    track,
+)
+from DroneSwarmSearch.incident.incident import FARTHEST, FLOWS, LONGEST_DRIFT, Incident
+
+SORTIES_APART = timedelta(minutes=30)  # from the last landing to the next take-off
+
+FASTER = 1.5  # a flown leg may be so many times as fast as the airspeed plus the wind
+
+
+class Flown(Protocol):
+    """A plan that was flown, or anything else with flights."""
+
+    @property
+    def flights(self) -> Sequence[Flight]: ...
+
+
+def after(
+    incident: Incident,
+    flown: Flown | str | os.PathLike[str],
+    at: datetime | str | None = None,
+    **changes: Any,
+) -> Incident:
+    """The incident after flights that found nobody: its map is the posterior.
+
+    What was flown never changes: each flight keeps the swath and the probability of detection
+    with which it was flown, and was flown in the wind of this incident. With a later report,
+    a new `time`, persons drift from there, and flights count from that time on.
+
+    Args:
+        incident: the incident in which the flights were flown.
+        flown: a plan that was flown, or a CSV file of what was really flown, such as the
+            `plan.csv` of a plan; the columns are drone, time_utc, latitude_deg, longitude_deg
+            and optionally searching.
+        at: when the first drone takes off again, `start`; by default half an hour after the
+            last one has landed, or at a later `time`.
+        changes: other values of the incident for the next flights. A wind or a current without
+            a time holds from the last landing on.
+
+    Raises:
+        OSError: there is no such file.
+        TypeError, ValueError: the file or a value is unsuitable, or drones cannot have flown
+            so: farther than they can be, faster than 1.5 times their airspeed plus the wind,
+            before the last report or days after it. Names the row.
+    """
+    known = [each.name for each in fields(Incident) if each.init]
+    known = [name for name in known if name not in ("start", "flown")]
+    checks.known_keys("changes", changes, known)
+    flights = _named_flights(flown)
+    _check_flyable(incident, flights)
+    new = [
+        FlownFlight(tuple(flight.waypoints), incident.swath, incident.probability_of_detection)
+        for flight in flights
+    ]
+    values = {**changes, "flown": (*incident.flown, *new)}
+    landed = max(flight.landing for flight in values["flown"])
+    time = incident.time
+    if values.get("time") is not None:
+        time = in_utc("time", values["time"])
+    start = max(landed + SORTIES_APART, time)
+    if at is not None:
+        start = near("start", at, time)
+    if start < landed:
+        raise ValueError(f"start must not be before the last landing, {landed}, got {start}")
+    for name in FLOWS:
+        values[name] = _next_flow(name, getattr(incident, name), values.get(name), landed, time)
+    return replace(incident, start=start, **values)
+
+
+def _named_flights(flown: Flown | str | os.PathLike[str]) -> list[NamedFlight]:
+    """Flights from a file, or from a plan, whose drones count from 1."""
+    if isinstance(flown, (str, os.PathLike)):
+        return read_flights(flown)
+    return [
+        NamedFlight([f"drone {drone}, waypoint {row}" for row in range(len(flight))], list(flight))
+        for drone, flight in enumerate(flown.flights, 1)
+    ]
+
+
+def _next_flow(name: str, earlier: Flow, later: Any, landed: datetime, time: datetime) -> Flow:
+    """The wind or current of the next flights, which leaves that of flown ones as it was.
+
+    Times in seconds count from `time`, that of the next report.
+    """
+    origin = Origin(earlier.origin.position, time)
+    earlier = earlier.moved(origin)
+    if later is None:
+        return earlier
+    flow = read_flow(name, later, origin)
+    if landed <= time:  # the new particles never meet the old flow
+        return flow
+    seconds = origin.seconds(landed)
+    if isinstance(flow, Series) and min(flow.vectors) < seconds:
+        raise ValueError(
+            f"{name} must be given for times from the last landing on, {landed:%Y-%m-%d %H:%M}: "
+            "what was flown does not change"
+        )
+    return earlier.changed_to(flow, seconds)
+
+
+# Flights that can be.
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """What the drones of an incident can have flown.
+
+    Attributes:
+        incident: its wind counts.
+        base: a plane that touches the earth where drones take off.
+        strength: the wind at the height of the highest drone, divided by that at 10 m.
+        reach: the largest distance from the base in metres.
+    """
+
+    incident: Incident
+    base: TangentPlane
+    strength: float
+    reach: float
+
+    @classmethod
+    def of(cls, incident: Incident) -> _Limits:
+        strength = drone_of(incident, incident.drones - 1).wind_factor
+        here = cls(incident, TangentPlane(*incident.base), strength, reach=0.0)
+        middle = np.zeros((2, 1))
+        strongest = max(
+            here.wind(incident.start, middle),
+            here.wind(incident.time, middle),
+        )
+        reach = FASTER * (incident.speed + strongest) * incident.endurance
+        return replace(here, reach=min(reach, FARTHEST))
+
+    def wind(self, time: datetime, point: Floats) -> float:
+        """The most that the wind may have been at a time and a point, (2, 1), in m/s."""
+        seconds = np.array([self.incident.seconds(time)])
+        velocity = np.nan_to_num(self.incident.wind.velocity(seconds, point))
+        return float(self.strength * np.hypot(*velocity[:, 0]) + self.incident.wind_error)
+
+    def check(self, flight: NamedFlight) -> None:
+        """Raise a ValueError unless a drone can have flown so; it names the waypoint."""
+        first = self.incident.time
+        last = self.incident.start + LONGEST_DRIFT
+        points = track(flight.waypoints, self.incident.plane)
+        for row, (name, waypoint) in enumerate(zip(*flight, strict=True)):
+            if not first <= waypoint.time <= last:
+                raise ValueError(
+                    f"{name}: times must be from {first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} "
+                    "UTC, the report and what drifts after it, got "
+                    f"{waypoint.time:%Y-%m-%d %H:%M}"
+                )
+            away = self.base.distance(waypoint.latitude, waypoint.longitude)
+            if not away <= self.reach:
+                raise ValueError(
+                    f"{name}: drones can be at most {self.reach / 1000:.0f} km from their base, "
+                    f"but ({waypoint.latitude:g}, {waypoint.longitude:g}) is {away / 1000:,.0f} km "
+                    "away"
+                )
+            if row == 0:
+                continue
+            seconds = (waypoint.time - flight.waypoints[row - 1].time).total_seconds()
+            speed = float(np.hypot(*(points[row] - points[row - 1]))) / seconds
+            blows = self.wind(waypoint.time, points[row][:, None])
+            fastest = FASTER * (self.incident.speed + blows)
+            if not speed <= fastest:
+                raise ValueError(
+                    f"{name}: drones can make at most {fastest:.0f} m/s, {FASTER:g} times the "
+                    f"airspeed plus the wind, but it is reached with {speed:,.0f} m/s"
+                )
+
+
+def _check_flyable(incident: Incident, flights: Sequence[NamedFlight]) -> None:
+    """Raise a ValueError if the drones of an incident cannot have flown so."""
+    limits = _Limits.of(incident)
+    for flight in flights:
+        check_order(flight.names, flight.waypoints)
+        limits.check(flight)
