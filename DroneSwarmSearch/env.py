@@ -246,7 +246,8 @@ class DroneSwarmSearch(SearchSpaces):
 
     def _resolved(self, given: dict[str, Any]) -> tuple[Scenario, Scenario, list[int]]:
         """The parameters of all later episodes and of this one, and the drones' cells."""
-        cells, positions = list(range(self.n_drones)), given.pop("drones_positions", None)
+        cells = list(range(self.n_drones))
+        positions = given.pop("drones_positions", None)
         scenario = self._scenario
         if "vector" in given:
             scenario = scenario.replace(vector=given["vector"])
@@ -277,11 +278,13 @@ class DroneSwarmSearch(SearchSpaces):
                 "step: no episode is running (it has not begun, has ended or was interrupted); "
                 "call reset() first"
             )
-        drones, world = self._drones, self._world
+        drones = self._drones
+        world = self._world
         # 1. All drones move or search.
         chosen, targets = read_actions(actions, self._names, self._grid.neighbours, drones.cells)
         # There are no agents until the step is complete, see `reset`.
-        agents, self.agents = self.agents, []
+        agents = self.agents
+        self.agents = []
         # 2. Outcomes, rewards and the ending.
         rewards, ending = drones.resolve(chosen, targets, world)
         # 3. The persons and the matrix drift.
@@ -341,7 +344,8 @@ class DroneSwarmSearch(SearchSpaces):
         Raises:
             ResetNeeded: before the first `reset`.
         """
-        now, world = self.snapshot(), self._world
+        now = self.snapshot()
+        world = self._world
         missing = [world.person_cell(person) for person in world.missing if world.is_rescue]
         persons = np.array([missing], np.int64)
         planes = state_planes(now.matrix[None], np.array([now.cells]), persons, persons >= 0)
@@ -365,9 +369,12 @@ class DroneSwarmSearch(SearchSpaces):
         Raises:
             ResetNeeded: before the first `reset`, and after an interrupted step or reset.
         """
-        now, world = self.snapshot(), self._world
-        positions, finds = self._grid.positions, world.finds
-        drones, persons = self._drones, world.persons if world.is_rescue else ()
+        now = self.snapshot()
+        world = self._world
+        positions = self._grid.positions
+        finds = world.finds
+        drones = self._drones
+        persons = world.persons if world.is_rescue else ()
         person_cells = (
             finds[person][1] if person in finds else world.person_cell(person) for person in persons
         )

@@ -149,7 +149,8 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
 
 def make_drones(num_envs: int = 1, **keywords: Any) -> DroneVectorEnv:
     """The batch that ``gymnasium.make_vec`` makes: num_envs drones, a multiple of `n_drones`."""
-    scenario, drones = keywords.get("scenario"), keywords.get("n_drones", Scenario.n_drones)
+    scenario = keywords.get("scenario")
+    drones = keywords.get("n_drones", Scenario.n_drones)
     if isinstance(scenario, Scenario):
         drones = scenario.n_drones
     drones = checks.integer("n_drones", drones, 1)

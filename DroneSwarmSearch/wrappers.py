@@ -125,7 +125,9 @@ class LayoutObservation(SearchWrapper):
         now = self._search.snapshot()
         left = self._left[now.step : now.step + 1]
         positions = self._grid.coordinates.take(now.cells, axis=0)[None]
-        space, matrix, n = self.layout.space, now.matrix[None].copy(), len(self._names)
+        space = self.layout.space
+        matrix = now.matrix[None].copy()
+        n = len(self._names)
         if isinstance(space, spaces.Box):
             shown: Any = np.empty((n, *space.shape), space.dtype)
             self.layout.write(positions, matrix, left, shown[None])
@@ -217,7 +219,8 @@ class OtherDrones(SearchWrapper):
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
         super().__init__(env)
-        n, size = self._search.n_drones, self._search.grid_size
+        n = self._search.n_drones
+        size = self._search.grid_size
         self._others = own_first(n)[:, 1:]
         for agent in self._names:
             inner: Any = env.observation_space(agent)

@@ -10,8 +10,11 @@ from helpers import SCHEMES
 from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.core.rules import (
     Action,
+    BatchEvents,
     Ending,
     RewardScheme,
+    SearchRules,
+    StepEvents,
     collisions,
     is_quiet,
     is_success,
@@ -28,12 +31,13 @@ def reward(
 ):  # fmt: skip
     """The reward of drone 0; drone 1 enters cell 1."""
     targets = [OFF_GRID if left_grid else int(collided), 1]
-    rewards, _ = outcome(
-        scheme, steps_before + 1 if time_limit_reached else 100, True, targets=targets,
-        observed={0: probability} if searched else {}, found=range(found),
+    events = StepEvents(
+        targets=targets, observed={0: probability} if searched else {}, found=range(found),
         found_before=range(found_before), returns=[return_so_far, 0.0],
         steps_before=steps_before, all_found=False, covered=False,
     )  # fmt: skip
+    limit = steps_before + 1 if time_limit_reached else 100
+    rewards, _ = outcome(SearchRules(scheme, limit, is_rescue=True), events)
     return rewards[0]
 
 
@@ -65,10 +69,11 @@ def test_a_step_without_searches_is_quiet_if_it_pays_all_drones_the_same_and_goe
     moves = bytes((Action.LEFT, Action.IDLE, Action.DOWN))
     for *targets, before in itertools.product(range(OFF_GRID, 3), repeat=4):
         if before != OFF_GRID:
-            resolved = outcome(
-                scheme, 3, True, targets=targets, observed={}, found=(), found_before=(),
+            events = StepEvents(
+                targets=targets, observed={}, found=(), found_before=(),
                 returns=[0.0] * 3, steps_before=before, all_found=False, covered=False,
             )  # fmt: skip
+            resolved = outcome(SearchRules(scheme, 3, is_rescue=True), events)
             assert is_quiet(moves, targets, before, 3) == (resolved == ([1.0] * 3, None))
     assert is_quiet(moves, [0, 1, 2], 0, 3)
     assert not is_quiet(bytes((Action.LEFT, Action.SEARCH, Action.DOWN)), [0, 1, 2], 0, 3)
@@ -109,11 +114,12 @@ def test_expected_pays_the_added_probability_of_success():
 )
 def test_endings(happened, expected):
     all_found, covered, collided, left_grid, is_last = happened
-    _, ending = outcome(
-        RewardScheme(), 1 if is_last else 2, True, observed={}, found=(), found_before=(),
-        targets=[0, int(not collided), OFF_GRID if left_grid else 2], returns=[0.0] * 3,
+    events = StepEvents(
+        targets=[0, int(not collided), OFF_GRID if left_grid else 2],
+        observed={}, found=(), found_before=(), returns=[0.0] * 3,
         steps_before=0, all_found=all_found, covered=covered,
     )  # fmt: skip
+    _, ending = outcome(SearchRules(RewardScheme(), 1 if is_last else 2, is_rescue=True), events)
     assert ending is expected
 
 
@@ -132,21 +138,23 @@ def test_outcomes_of_a_batch_equal_those_of_each_search(scheme, limit):
     steps = rng.integers(0, limit, rows)
     all_found, covered = rng.random((2, rows)) < 0.1
     for is_rescue in (True, False):
-        rewards, endings = outcomes(
-            scheme, limit, is_rescue, actions=actions, targets=targets, observed=observed,
+        rules = SearchRules(scheme, limit, is_rescue)
+        events = BatchEvents(
+            actions=actions, targets=targets, observed=observed,
             found=found.reshape(-1).nonzero()[0], found_before=before, returns=returns,
             steps_before=steps, all_found=all_found.nonzero()[0], covered=covered.nonzero()[0],
         )  # fmt: skip
+        rewards, endings = outcomes(rules, events)
         assert (rewards.dtype, endings.dtype) == (np.float64, np.int8)
         pays = iter(observed.tolist())
         for row in range(rows):
             own = {drone: next(pays) for drone in searched[row].nonzero()[0].tolist()}
-            expected, reason = outcome(
-                scheme, limit, is_rescue, targets=targets[row].tolist(),
-                observed=own, found=found[row].nonzero()[0],
+            one = StepEvents(
+                targets=targets[row].tolist(), observed=own, found=found[row].nonzero()[0],
                 found_before=before[row].nonzero()[0], returns=returns[row].tolist(),
                 steps_before=int(steps[row]), all_found=all_found[row], covered=covered[row],
             )  # fmt: skip
+            expected, reason = outcome(rules, one)
             assert rewards[row].tolist() == expected
             assert endings[row] == (reason or 0)
 

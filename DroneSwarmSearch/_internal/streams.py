@@ -31,7 +31,9 @@ _POLICY = 3  # the place of the policies' key among the words of a seed
 
 # A NumPy call costs more than an episode of a few steps, which is typical of untrained drones.
 # So the first uniforms are computed for several episodes at once, and later ones in large chunks.
-_EPISODES, _FIRST, _CHUNK = 32, 16, 256
+_EPISODES = 32
+_FIRST = 16
+_CHUNK = 256
 
 
 def stream_keys(seed: int | None) -> Words:
@@ -109,7 +111,8 @@ class EpisodeStream:
             keys = episode_keys(self._key, np.arange(first, first + _EPISODES, dtype=np.uint64))
             heads = uniforms(keys[:, None], np.arange(_FIRST, dtype=np.uint64)).tolist()
             self._heads = first, keys, heads
-        self._known, self._known_first = heads[episode - first], 0
+        self._known = heads[episode - first]
+        self._known_first = 0
         self._episode = episode
 
 

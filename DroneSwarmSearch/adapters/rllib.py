@@ -30,7 +30,8 @@ with imports_of("rllib"):
 
 __all__ = ["DroneBatch", "MaskedPPOModule", "log_success", "logits"]
 
-OBSERVATION, ACTION_MASK = "observation", "action_mask"
+OBSERVATION = "observation"
+ACTION_MASK = "action_mask"
 """The keys of masked observations."""
 
 SEED_STRIDE = 10**9  # the distance between the seeds of env runners

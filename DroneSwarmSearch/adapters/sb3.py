@@ -142,7 +142,8 @@ def logits(model: BaseAlgorithm | ActorCriticPolicy) -> Callable[[Any], NDArray[
     uses_masks = _uses_masks(policy)
 
     def masked_logits(observations: Any) -> NDArray[Any]:
-        inputs, masks = observations, None
+        inputs = observations
+        masks = None
         if isinstance(observations, dict) and "action_mask" in observations:
             masks = observations["action_mask"]
             if "action_mask" not in names:

@@ -52,16 +52,22 @@ Key = str | tuple[str, ...]
 GROUP = "drones"
 """The group of all drones."""
 
-OBSERVATION, ACTION_MASK = (GROUP, "observation"), (GROUP, "action_mask")
+OBSERVATION = (GROUP, "observation")
+ACTION_MASK = (GROUP, "action_mask")
 """What policies are shown."""
 
-ACTION, REWARD = (GROUP, "action"), (GROUP, "reward")
+ACTION = (GROUP, "action")
+REWARD = (GROUP, "reward")
 """What `SearchEnv` takes and gives."""
 
-STATE, SUCCESS, PROBABILITY = "state", ("info", "is_success"), ("info", "probability_of_success")
+STATE = "state"
+SUCCESS = ("info", "is_success")
+PROBABILITY = ("info", "probability_of_success")
 """What critics and logs are shown."""
 
-LOGITS, VALUE, RETURN = (GROUP, "logits"), (GROUP, "value"), (GROUP, "episode_reward")
+LOGITS = (GROUP, "logits")
+VALUE = (GROUP, "value")
+RETURN = (GROUP, "episode_reward")
 """What policies, critics and ``RewardSum`` write."""
 
 ACTION_VALUE = (GROUP, "action_value")
@@ -143,7 +149,8 @@ class SearchEnv(EnvBase):
         self._shows_state = state
         self._set_seed(seed)
         device = self.device
-        swarms, drones = self.batch_size, torch.Size([*self.batch_size, self.n_drones])
+        swarms = self.batch_size
+        drones = torch.Size([*self.batch_size, self.n_drones])
 
         def of_group(specs: dict[str, TensorSpec]) -> Composite:
             group = Composite(specs, shape=drones, device=device)
@@ -228,7 +235,8 @@ def _spec(space: spaces.Space[Any], shape: torch.Size) -> TensorSpec:
     if isinstance(space, spaces.Dict):
         return Composite({name: _spec(part, shape) for name, part in space.items()}, shape=shape)
     assert isinstance(space, spaces.Box)
-    low, high = torch.from_numpy(space.low), torch.from_numpy(space.high)
+    low = torch.from_numpy(space.low)
+    high = torch.from_numpy(space.high)
     return Bounded(low, high, space.shape, dtype=low.dtype).expand(*shape, *space.shape)
 
 

@@ -63,7 +63,8 @@ def frank_wolfe(
         upper_bound: a bound that is already known.
     """
     value = -math.inf
-    mean_intercept, mean_gains = 0.0, np.zeros(())
+    mean_intercept = 0.0
+    mean_gains = np.zeros(())
     for iteration in range(iterations + 1):
         value = max(value, objective.value())
         intercept, gains = objective.tangent()
@@ -82,16 +83,23 @@ def frank_wolfe(
 def line_search(value: Callable[[float], float]) -> float:
     """The best step size in [0, 1] for a concave function: a golden-section search in its log."""
     golden = (math.sqrt(5) - 1) / 2
-    low, high = math.log(1e-4), 0.0
-    a, b = high - golden * (high - low), low + golden * (high - low)
-    at_a, at_b = value(math.exp(a)), value(math.exp(b))
+    low = math.log(1e-4)
+    high = 0.0
+    a = high - golden * (high - low)
+    b = low + golden * (high - low)
+    at_a = value(math.exp(a))
+    at_b = value(math.exp(b))
     for _ in range(9):
         if at_a > at_b:
-            high, b, at_b = b, a, at_a
+            high = b
+            b = a
+            at_b = at_a
             a = high - golden * (high - low)
             at_a = value(math.exp(a))
         else:
-            low, a, at_a = a, b, at_b
+            low = a
+            a = b
+            at_a = at_b
             b = low + golden * (high - low)
             at_b = value(math.exp(b))
     return math.exp((low + high) / 2)

@@ -16,6 +16,7 @@ Operations Research 59:1269, 2011, for vehicle routes.)
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from copy import copy
 from functools import cached_property
@@ -29,6 +30,9 @@ from DroneSwarmSearch.core.grid import MOVES, SHIFTS, moves_between
 
 Offset = tuple[int, int] | None
 """A cell (dx, dy) relative to the drone's; None without a search, or out of the drone's reach."""
+
+History = tuple[Offset, ...]
+"""The drone's cell at each remembered search, the latest action first."""
 
 EVERYTHING = slice(None)
 
@@ -46,26 +50,38 @@ class Histories:
 
     def __init__(self, memory: int) -> None:
         rest_length = max(memory - 1, 0)
-        indices: dict[tuple[Offset, ...], int] = {(None,) * memory: 0}
-        shorter: dict[tuple[Offset, ...], int] = {}
-        self.all, after = [*indices], []
-        for history in self.all:  # grows in the loop
-            rest = history[:rest_length]
+        nothing: History = (None,) * memory
+        indices = {nothing: 0}
+        shorter: dict[History, int] = {}
+        after = []
+        to_extend = deque([nothing])
+        while to_extend:
+            rest = to_extend.popleft()[:rest_length]
             if rest in shorter:
                 continue
             shorter[rest] = len(shorter)
-            ahead: list[tuple[Offset, ...]] = [((0, 0), *rest)[:memory]]
-            for dx, dy in MOVES:
-                seen = [None if place is None else (place[0] - dx, place[1] - dy) for place in rest]
-                ahead.append((None, *seen)[:memory])
+            ahead = _after_an_action(rest, memory)
             for history in ahead:
                 if history not in indices:
                     indices[history] = len(indices)
-                    self.all.append(history)
+                    to_extend.append(history)
             after.append([indices[history] for history in ahead])
+        self.all = list(indices)
         self.shorter: Ints = np.array([shorter[history[:rest_length]] for history in self.all])
         self.after_search, *after_move = np.array(after).T
         self.after_move: Ints = np.array(after_move)
+
+
+def _after_an_action(rest: History, memory: int) -> list[History]:
+    """The histories after a search, and after each move, given the actions before it."""
+    searched: History = ((0, 0), *rest)
+    histories = [searched[:memory]]
+    for dx, dy in MOVES:
+        moved: list[Offset] = [None]
+        for offset in rest:
+            moved.append(None if offset is None else (offset[0] - dx, offset[1] - dy))
+        histories.append(tuple(moved)[:memory])
+    return histories
 
 
 class _Grouped(NamedTuple):
@@ -74,7 +90,7 @@ class _Grouped(NamedTuple):
     Attributes:
         group: shape (M,): the group of each trajectory.
         past: shape (G,): the past of each group, as an index into `pasts`.
-        place: shape (G,): the cell of each group within the box, row by row.
+        cell: shape (G,): the cell of each group within the box, row by row.
         pasts: shape (K, P): the offsets of each past, the latest step first, see `_code`.
         box: the rows and columns of the grid that contain the cells with trajectories.
         n_cells: the number of these cells.
@@ -82,7 +98,7 @@ class _Grouped(NamedTuple):
 
     group: Ints
     past: Ints
-    place: Ints
+    cell: Ints
     pasts: Ints
     box: tuple[slice, slice]
     n_cells: int
@@ -105,7 +121,9 @@ class RememberingDrones:
         memory: int,
     ) -> None:
         self._cells, self.probabilities = trajectories
-        self.detection, self._size, self._starts = detection, grid_size, list(starts)
+        self.detection = detection
+        self._size = grid_size
+        self._starts = list(starts)
         self._memory = min(memory, len(self._cells) - 1)
         self._histories = Histories(self._memory)
         self._steps = [self._grouped(step) for step in range(len(self._cells))]
@@ -141,13 +159,15 @@ class RememberingDrones:
         for step, credits, searches in zip(self._steps, self._credits, flow, strict=False):
             rows, columns = step.box
             within = searches[:, rows, columns].reshape(len(searches), -1)
-            by_group = (credits.T @ within)[step.past, step.place], within.sum(axis=0)[step.place]
-            total += np.take(by_group, step.group[part], axis=1)
+            credited = (credits.T @ within)[step.past, step.cell]
+            searched = within.sum(axis=0)[step.cell]
+            total += np.take((credited, searched), step.group[part], axis=1)
         return total
 
     def most(self, sums: Sequence[Floats]) -> float:
         """The most that all drones can gain, rounded up."""
-        size, histories = self._size, self._histories
+        size = self._size
+        histories = self._histories
         values: Singles = np.zeros((len(histories.all), size, size), np.float32)
         for step, credits, step_sums in self._backward(sums):
             best = values.take(histories.after_search, axis=0)
@@ -165,15 +185,27 @@ class RememberingDrones:
 
     def soft_flow(self, sums: Sequence[Floats]) -> Singles:
         """The mixture in which a path's share is proportional to exp(what the path gains)."""
-        size, histories = self._size, self._histories
-        n_shorter, shape = len(histories.after_search), (len(histories.all), size, size)
+        flow, moves = self._soft_choices(sums)
+        self._follow(flow, moves)
+        return flow
+
+    def _soft_choices(self, sums: Sequence[Floats]) -> tuple[Singles, Singles]:
+        """The probabilities of searching, and of the moves otherwise, from the last step back.
+
+        Returns:
+            In each step, history and cell, the probability of a search, (T, H, N, N); and in each
+            step and shorter history, those of the moves if there is none, (T, 4, S, N, N).
+        """
+        size = self._size
+        histories = self._histories
+        steps = len(self._steps)
+        shape = (len(histories.all), size, size)
         values: Singles = np.zeros(shape, np.float32)
-        flow = np.empty((len(self._steps), *shape), np.float32)
-        moves = np.empty((len(self._steps), len(MOVES), n_shorter, size, size), np.float32)
-        number = len(self._steps)
+        searching = np.empty((steps, *shape), np.float32)
+        moves = np.empty((steps, len(MOVES), len(histories.after_search), size, size), np.float32)
+        number = steps
         for step, credits, step_sums in self._backward(sums):
             number -= 1
-            # The probabilities of the moves, and of searching instead.
             move = moves[number]
             move[:] = -1e9
             for k, (here, there) in enumerate(SHIFTS):
@@ -191,16 +223,24 @@ class RememberingDrones:
             most = np.maximum(searched, moved)
             # Faster than np.logaddexp in single precision.
             values = most + np.log1p(np.exp(np.minimum(searched, moved) - most))
-            np.exp(searched - values, out=flow[number])
+            np.exp(searched - values, out=searching[number])
+        return searching, moves
+
+    def _follow(self, flow: Singles, moves: Singles) -> None:
+        """Turn the probabilities of `_soft_choices` into the flow of all drones, in place."""
+        histories = self._histories
+        shape = flow.shape[1:]
+        count, size, _ = shape
+        n_shorter = len(histories.after_search)
         here_now: Singles = np.zeros(shape, np.float32)
         np.add.at(here_now[0].reshape(-1), self._starts, 1.0)
-        to_shorter = np.zeros((n_shorter, shape[0]), np.float32)
-        to_shorter[histories.shorter, np.arange(shape[0])] = 1.0
+        to_shorter = np.zeros((n_shorter, count), np.float32)
+        to_shorter[histories.shorter, np.arange(count)] = 1.0
         for move, searching in zip(moves, flow, strict=True):
             searching *= here_now
             here_now -= searching
-            leaving = (to_shorter @ here_now.reshape(shape[0], -1)).reshape(-1, size, size)
-            staying = (to_shorter @ searching.reshape(shape[0], -1)).reshape(-1, size, size)
+            leaving = (to_shorter @ here_now.reshape(count, -1)).reshape(-1, size, size)
+            staying = (to_shorter @ searching.reshape(count, -1)).reshape(-1, size, size)
             here_now = np.zeros(shape, np.float32)
             here_now[histories.after_search] = staying
             move *= leaving
@@ -208,7 +248,6 @@ class RememberingDrones:
                 arriving = np.zeros_like(leaving)
                 arriving[there] = move[k][here]
                 here_now[histories.after_move[k]] += arriving
-        return flow
 
     def _backward(self, sums: Sequence[Floats]) -> Iterator[tuple[_Grouped, Singles, Floats]]:
         """The steps, the last one first, with their credits and sums."""
@@ -219,13 +258,15 @@ class RememberingDrones:
         """Group the trajectories in a step."""
         here = self._cells[number]
         y, x = np.divmod(here, self._size)
-        past, pasts = np.zeros(len(here), np.int64), np.zeros((0, 1), np.int64)
+        past = np.zeros(len(here), np.int64)
+        pasts = np.zeros((0, 1), np.int64)
         codes_of_offsets = (2 * self._memory + 1) ** 2 + 1
         for age in range(1, self._memory + 1):
             offset = np.zeros(len(here), np.int64)
             if age <= number:
                 earlier_y, earlier_x = np.divmod(self._cells[number - age], self._size)
-                dx, dy = earlier_x - x, earlier_y - y
+                dx = earlier_x - x
+                dy = earlier_y - y
                 near = moves_between(dx, dy) < age
                 offset[near] = _code(dx[near], dy[near], self._memory)
             codes, past = _distinct(past * codes_of_offsets + offset)
@@ -235,20 +276,27 @@ class RememberingDrones:
         codes, group = _distinct(past * len(cells) + cell)
         past_of, cell_of = np.divmod(codes, len(cells))
         rows, columns = np.divmod(cells, self._size)
-        top, left, right = int(rows.min()), int(columns.min()), int(columns.max()) + 1
-        box = slice(top, int(rows.max()) + 1), slice(left, right)
-        place = ((rows - top) * (right - left) + columns - left)[cell_of]
-        return _Grouped(group.astype(np.int32), past_of, place, pasts, box, len(cells))
+        top = int(rows.min())
+        left = int(columns.min())
+        right = int(columns.max()) + 1
+        in_box = (rows - top) * (right - left) + columns - left
+        return _Grouped(
+            group=group.astype(np.int32),
+            past=past_of,
+            cell=in_box[cell_of],
+            pasts=pasts,
+            box=(slice(top, int(rows.max()) + 1), slice(left, right)),
+            n_cells=len(cells),
+        )
 
     @cached_property
     def _credits(self) -> list[Singles]:
         """For each step, the credit of each history for each past: float32, shape (H, P)."""
-        searched = np.array(
-            [
-                [0 if offset is None else _code(*offset, self._memory) for offset in history]
-                for history in self._histories.all
-            ]
-        )
+        codes = [
+            [0 if offset is None else _code(*offset, self._memory) for offset in history]
+            for history in self._histories.all
+        ]
+        searched = np.array(codes)
         by_number = self.detection * (1.0 - self.detection) ** np.arange(self._memory + 1.0)
         credits = []
         for step in self._steps:
@@ -262,15 +310,15 @@ class RememberingDrones:
         """The gain of searching each cell in the box with each history: shape (H, y, x)."""
         height, width = (part.stop - part.start for part in step.box)
         table = np.zeros((step.pasts.shape[1], height * width), np.float32)
-        table[step.past, step.place] = sums[0]
+        table[step.past, step.cell] = sums[0]
         gains: Singles = credits @ table
         if sums[1].any():
-            gains += np.bincount(step.place, sums[1], height * width).astype(np.float32)
+            gains += np.bincount(step.cell, sums[1], height * width).astype(np.float32)
         return gains.reshape(-1, height, width)
 
 
 def _distinct(codes: Ints) -> tuple[Ints, Ints]:
-    """The distinct codes in order, and the place of each among them; codes must not be large."""
+    """The distinct codes in order, and the index of each among them; codes must not be large."""
     present = np.zeros(codes.max() + 1, np.bool_)
     present[codes] = True
     return present.nonzero()[0], (present.cumsum() - 1)[codes]

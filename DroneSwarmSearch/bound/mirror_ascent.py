@@ -21,12 +21,12 @@ from DroneSwarmSearch.bound.objectives import TrajectoryObjective
 
 BATCH = 16384  # trajectories in a batch of a sample
 
-STEP_SIZE, SLOWER = 20.0, 0.03
-"""The step size for one drone that gains 1 from the first tangent; its decrease per iteration."""
+STEP_SIZE = 20.0  # for one drone that gains 1 from the first tangent
+SLOWER = 0.03  # by which it decreases per iteration
 
-WIDTHS = 0.2, 0.05
-"""Half the width over which corners are rounded off, in searches: first and least."""
-
+# Half the width over which corners are rounded off, in searches.
+FIRST_WIDTH = 0.2
+LEAST_WIDTH = 0.05
 WIDTH_HALF_LIFE = 80.0  # after this many iterations, the width is half of the first
 RECENT = 3  # the mean of the tangents has weights that grow with this power of the iteration
 CHECKS = 4  # how often the method compares the bound with the value, and may stop
@@ -71,41 +71,92 @@ def mirror_ascent(
         batch: trajectories in an iteration.
         sums: start from these; by default, from random paths.
     """
-    probabilities = drones.probabilities
-    count = len(probabilities)
-    cuts = np.linspace(0, count, -(-count // batch) + 1).astype(int).tolist()
-    parts = [slice(*cut) for cut in pairwise(cuts)]
-    if sums is None:
-        sums = drones.sums(np.zeros((2, count)))
-    flow = drones.soft_flow(sums)
-    mean = flow.copy()
-    weights, slopes, intercept, total = np.zeros(count), np.zeros((2, count)), 0.0, 0.0
-    value, upper_bound, smoothness = 0.0, 1.0, 0.0
+    ascent = _Ascent(drones, objective, batch, sums)
+    check_after = -(-iterations // CHECKS)
     for iteration in range(iterations):
-        part = parts[iteration % len(parts)]
-        share = probabilities[part] / probabilities[part].sum()
-        size = 2.0 / (iteration + 2.0)
-        point = mean + np.float32(size) * (flow - mean)
-        collected = drones.collected(point, part)
-        width = max(WIDTHS[0] / (1.0 + iteration / WIDTH_HALF_LIFE), WIDTHS[1])
-        above, slope = objective.tangent(collected, width)
-        tangent = drones.sums(slope * share, part)
-        if not iteration:
-            smoothness = max(drones.most(tangent), 1e-9) / (STEP_SIZE * math.sqrt(drones.count))
-        for step_sums, new in zip(sums, tangent, strict=True):
-            step_sums += new / (size * smoothness * (1.0 + SLOWER * iteration))
-        flow = drones.soft_flow(sums)
-        mean += np.float32(size) * (flow - mean)
-        recency = (iteration + 1.0) ** RECENT
-        total += recency
-        weights[part] += recency * share
-        slopes[:, part] += recency * slope * share
-        intercept += recency * float((above * share).sum())
-        if (iteration + 1) % -(-iterations // CHECKS) == 0 or iteration + 1 == iterations:
-            upper_bound = min((intercept + drones.most(drones.sums(slopes))) / total, 1.0)
-            value = float((probabilities * objective.value(drones.collected(mean))).sum())
-            if upper_bound - value <= gap * upper_bound:
+        ascent.iterate(iteration)
+        is_last = iteration + 1 == iterations
+        if (iteration + 1) % check_after == 0 or is_last:
+            ascent.check()
+            if ascent.upper_bound - ascent.value <= gap * ascent.upper_bound:
                 break
-    tangents = intercept / total, slopes / total
-    effective, effort = total / float(weights.max()), mean.sum(axis=1, dtype=np.float64)
-    return BestMixture(value, upper_bound, effective, sums, tangents, effort)
+    return ascent.result()
+
+
+class _Ascent:
+    """The current mixture, and the mean of all tangents so far.
+
+    Attributes:
+        value: of the mean mixture, at the last check.
+        upper_bound: on any mixture, at the last check.
+    """
+
+    def __init__(
+        self,
+        drones: RememberingDrones,
+        objective: TrajectoryObjective,
+        batch: int,
+        sums: list[Floats] | None,
+    ) -> None:
+        self._drones = drones
+        self._objective = objective
+        count = len(drones.probabilities)
+        cuts = np.linspace(0, count, -(-count // batch) + 1).astype(int).tolist()
+        self._parts = [slice(first, end) for first, end in pairwise(cuts)]
+        if sums is None:
+            sums = drones.sums(np.zeros((2, count)))
+        self._sums = sums
+        self._flow = drones.soft_flow(sums)
+        self._mean = self._flow.copy()
+        self._smoothness = 0.0
+        # The tangents, each with a weight that grows with the iteration.
+        self._intercept = 0.0
+        self._slopes = np.zeros((2, count))
+        self._weights = np.zeros(count)  # of the trajectories
+        self._total = 0.0  # of the weights of the tangents
+        self.value = 0.0
+        self.upper_bound = 1.0
+
+    def iterate(self, iteration: int) -> None:
+        """Take a tangent along a batch of trajectories, and mix in the paths that gain from it."""
+        drones = self._drones
+        part = self._parts[iteration % len(self._parts)]
+        share = drones.probabilities[part] / drones.probabilities[part].sum()
+        size = 2.0 / (iteration + 2.0)
+        point = self._mean + np.float32(size) * (self._flow - self._mean)
+        collected = drones.collected(point, part)
+        width = max(FIRST_WIDTH / (1.0 + iteration / WIDTH_HALF_LIFE), LEAST_WIDTH)
+        above, slope = self._objective.tangent(collected, width)
+        tangent = drones.sums(slope * share, part)
+        if iteration == 0:
+            most = max(drones.most(tangent), 1e-9)
+            self._smoothness = most / (STEP_SIZE * math.sqrt(drones.count))
+        for step_sums, new in zip(self._sums, tangent, strict=True):
+            step_sums += new / (size * self._smoothness * (1.0 + SLOWER * iteration))
+        self._flow = drones.soft_flow(self._sums)
+        self._mean += np.float32(size) * (self._flow - self._mean)
+
+        recency = (iteration + 1.0) ** RECENT
+        self._total += recency
+        self._weights[part] += recency * share
+        self._slopes[:, part] += recency * slope * share
+        self._intercept += recency * float((above * share).sum())
+
+    def check(self) -> None:
+        """Compute the value and the bound."""
+        drones = self._drones
+        most = drones.most(drones.sums(self._slopes))
+        self.upper_bound = min((self._intercept + most) / self._total, 1.0)
+        reached = self._objective.value(drones.collected(self._mean))
+        self.value = float((drones.probabilities * reached).sum())
+
+    def result(self) -> BestMixture:
+        """The mixture at the last check."""
+        return BestMixture(
+            value=self.value,
+            upper_bound=self.upper_bound,
+            effective=self._total / float(self._weights.max()),
+            sums=self._sums,
+            tangents=(self._intercept / self._total, self._slopes / self._total),
+            effort=self._mean.sum(axis=1, dtype=np.float64),
+        )

@@ -41,7 +41,8 @@ class TrajectoryObjective:
         """
         credits, searches = collected
         corner, turned = self._nearest_corner(searches, width)
-        left, right = self._slopes[corner - 1], self._slopes[corner]
+        left = self._slopes[corner - 1]
+        right = self._slopes[corner]
         # The integral of the turning slope is below g by this much.
         shortfall = width * (left - right) * np.minimum(turned, 1.0 - turned) ** 2
         success = self._success(searches) - shortfall
@@ -50,7 +51,8 @@ class TrajectoryObjective:
         by_credits = np.clip((success - credits) / ramp + 0.5, 0.0, 1.0)
         slope = (1.0 - turned) * left + turned * right
         above = 1.0 - self._missed[corner] - slope * corner
-        return (1.0 - by_credits) * above, np.array([by_credits, (1.0 - by_credits) * slope])
+        by_searches = 1.0 - by_credits
+        return by_searches * above, np.array([by_credits, by_searches * slope])
 
     def _success(self, searches: Floats) -> Floats:
         """The function g, with its second piece extended to 0."""
@@ -70,22 +72,25 @@ class TrajectoryObjective:
 class MarkovChainObjective:
     """E[1 - exp(-rate * effort along the trajectory)], exactly, for changing effort (T, N, N)."""
 
-    def __init__(self, chain: DriftModel, rate: float, effort: Floats) -> None:
-        self._chain, self._prior = chain, chain.joint(0)
-        self._rate, self._effort = rate, effort
+    def __init__(self, model: DriftModel, rate: float, effort: Floats) -> None:
+        self._model = model
+        self._prior = model.joint(0)
+        self._rate = rate
+        self._effort = effort
 
     def value(self) -> float:
         return float(1.0 - self._missing(self._effort)[-1].sum())
 
     def tangent(self) -> tuple[float, Floats]:
-        missing, missed = self._missing(self._effort), np.exp(-self._rate * self._effort)
+        missing = self._missing(self._effort)
+        missed = np.exp(-self._rate * self._effort)
         gains = np.empty_like(self._effort)
         later = np.ones_like(self._prior)  # the probability of staying unfound from here on
         for step in range(len(missed) - 1, -1, -1):
-            later = later * self._chain.lift(missed[step])
-            gains[step] = self._rate * self._chain.map(missing[step] * later)
+            later = later * self._model.lift(missed[step])
+            gains[step] = self._rate * self._model.map(missing[step] * later)
             if step:
-                later = self._chain.backward(later, step - 1)
+                later = self._model.backward(later, step - 1)
         found = 1.0 - missing[-1].sum()
         return float(found - np.vdot(gains, self._effort)), gains
 
@@ -99,7 +104,7 @@ class MarkovChainObjective:
         """Where the unfound person is, before each step and after the last search."""
         missing = [self._prior]
         for step, missed in enumerate(np.exp(-self._rate * effort)):
-            mass = missing[-1] * self._chain.lift(missed)
+            mass = missing[-1] * self._model.lift(missed)
             last = step + 1 == len(effort)
-            missing.append(mass if last else self._chain.forward(mass, step))
+            missing.append(mass if last else self._model.forward(mass, step))
         return missing

@@ -36,6 +36,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -67,14 +68,17 @@ BEFORE = 0.1  # the share of the failure probability that is for fewer steps tha
 HORIZONS = 12
 """Numbers of steps for which the bound is computed; the others use the next larger one's."""
 
-WORK, MOST_WORK, TRAJECTORIES_TO_MEASURE = 8e6, 5e8, 8192
-"""The most work in an iteration, and for the final bound, estimated from some trajectories."""
+WORK = 8e6  # the most work in an iteration
+MOST_WORK = 5e8  # the most work for the final bound
+TRAJECTORIES_TO_MEASURE = 8192  # from which work is estimated
 
 MOST_MEMORY = 5  # the most remembered actions; 6 take gigabytes
 MOST_CELLS = 2**28  # the most cells of all trajectories in a sample, which then take about 7 GB
 
-ITERATIONS, ITERATIONS_BEFORE, CHAIN_ITERATIONS = 800, 12, 40
-"""The most iterations for the time limit, for fewer steps, and without trajectories."""
+# The most iterations.
+ITERATIONS = 800  # for the time limit
+ITERATIONS_BEFORE = 12  # for fewer steps
+CHAIN_ITERATIONS = 40  # without trajectories
 
 
 @dataclass(frozen=True)
@@ -142,35 +146,43 @@ def success_bound(
     enumerated = [enumerate_trajectories(model, limit) for model in models.values()]
     sampled = enumerated.count(None)
     failure = (1.0 - CONFIDENCE) / max(1, sampled)
-    curves, solutions = [], []
+    curves = []
+    solutions = []
     for (person, model), every in zip(models.items(), enumerated, strict=True):
         relaxation = _Relaxation(
-            model,
-            person.probability_of_detection,
-            starts,
-            every or sample_trajectories(model, limit, sample),
-            None if every else failure,
-            gap,
+            model=model,
+            detection=person.probability_of_detection,
+            starts=starts,
+            trajectories=every or sample_trajectories(model, limit, sample),
+            failure=None if every else failure,
+            gap=gap,
         )
         curve, solution = relaxation.curve(ends, memory)
         curves.append(curve)
         solutions.append(solution)
     confidence = CONFIDENCE if sampled else 1.0
     counts = np.array([persons.count(person) for person in models])
-    results = [
-        np.array(column)
-        for column in (curves, [s.value for s in solutions], [s.upper_bound for s in solutions])
-    ]
-    if scenario.mission == "coverage":
-        by_time, value, upper = (np.average(result, axis=0, weights=counts) for result in results)
-    else:
-        by_time, value, upper = (np.prod(result.T**counts, axis=-1) for result in results)
-    return SuccessBound(by_time, float(value), float(upper - value), confidence)
+
+    def combined(by_person: Sequence[Any]) -> Any:
+        """The mean over all persons in a coverage mission, else the product."""
+        if scenario.mission == "coverage":
+            return np.average(by_person, axis=0, weights=counts)
+        return np.prod(np.array(by_person).T ** counts, axis=-1)
+
+    value = combined([solution.value for solution in solutions])
+    upper = combined([solution.upper_bound for solution in solutions])
+    return SuccessBound(
+        by_time=combined(curves),
+        relaxed=float(value),
+        gap=float(upper - value),
+        confidence=confidence,
+    )
 
 
 def drone_paths(starts: Sequence[int], gains: Floats) -> tuple[float, Floats]:
     """The most that the drones can gain, and their searches of each cell; both (n, N, N)."""
-    values, effort = values_to_go(gains, np.zeros(gains.shape[1:])), np.zeros_like(gains)
+    values = values_to_go(gains, np.zeros(gains.shape[1:]))
+    effort = np.zeros_like(gains)
     which = np.zeros(len(starts), np.int64)
     cells, searches = best_paths(gains[:, None], values[:, :, None], np.array(starts), which)
     step, drone = searches.nonzero()
@@ -230,9 +242,9 @@ class _Relaxation:
         if memory is None:
             part = equally_likely(self.trajectories.cells[:, :TRAJECTORIES_TO_MEASURE])
             memory = 0
-            while (
-                memory < MOST_MEMORY and RememberingDrones(part, *others, memory + 1).work <= work
-            ):
+            while memory < MOST_MEMORY:
+                if RememberingDrones(part, *others, memory + 1).work > work:
+                    break
                 memory += 1
         return RememberingDrones(self.trajectories, *others, memory)
 

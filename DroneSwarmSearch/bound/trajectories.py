@@ -33,7 +33,8 @@ def enumerate_trajectories(model: DriftModel, steps: int) -> Trajectories | None
     (states,) = start.nonzero()
     if len(states) > MOST_ENUMERATED:
         return None
-    cells, probabilities = model.cells(states)[None], start[states]
+    cells = model.cells(states)[None]
+    probabilities = start[states]
     for step in range(steps - 1):
         trajectory, states, probabilities = model.branches(states, probabilities, step)
         if len(trajectory) > MOST_ENUMERATED:
@@ -65,11 +66,15 @@ def chernoff_bound(mean: float, count: float, confidence: float) -> float:
     if mean >= 1.0:
         return 1.0
     allowed = -math.log1p(-confidence) / count
-    low, high = max(mean, 0.0), 1.0
+    low = max(mean, 0.0)
+    high = 1.0
     for _ in range(60):
         p = (low + high) / 2
         entropy = (1 - mean) * math.log((1 - mean) / (1 - p)) if p < 1.0 else math.inf
         if mean > 0.0:
             entropy += mean * math.log(mean / p)
-        low, high = (p, high) if entropy <= allowed else (low, p)
+        if entropy <= allowed:
+            low = p
+        else:
+            high = p
     return high

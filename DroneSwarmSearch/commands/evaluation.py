@@ -28,7 +28,9 @@ from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.layouts.view import FORMS, View
 from DroneSwarmSearch.rendering.text import WIDTH
 
-FAILED, INTERRUPTED = 1, 130  # exit codes; 130 is the shells' code for Ctrl-C
+# exit codes; 130 is the shells' code for Ctrl-C
+FAILED = 1
+INTERRUPTED = 130
 PACKAGE = Path(__file__).parents[1]
 
 
@@ -42,7 +44,8 @@ def run(options: argparse.Namespace) -> int:
             options.function(options)
         return 0
     except KeyboardInterrupt:
-        reason, code = "interrupted", INTERRUPTED
+        reason = "interrupted"
+        code = INTERRUPTED
     except BrokenPipeError:
         return FAILED  # the reader of stdout has gone
     except ImportError as error:
@@ -101,7 +104,8 @@ def bound(options: argparse.Namespace) -> None:
     parts = (0.25, 0.5, 0.75, 1.0)
     rows = []
     for search in searches:
-        limit, bound = search.scenario.timestep_limit, bounds[search.name]
+        limit = search.scenario.timestep_limit
+        bound = bounds[search.name]
         by_time = [f"{100 * bound.by_time[round(part * limit)]:.2f}" for part in parts]
         confidence = "exact" if bound.confidence == 1.0 else f"{bound.confidence:.6g}"
         rows.append([search.name, str(limit), *by_time, f"{100 * bound.gap:.2f}", confidence])

@@ -33,7 +33,9 @@ BESIDE_YOU = "greedy-matrix"  # it needs only observations, so it works while yo
 # Flights by hand are compared with these policies, all of which are quick.
 RIVALS = ("greedy-matrix", "greedy-posterior", "greedy-forecast", "parallel-sweep")
 
-USUAL_SEARCH, USUAL_SEED = "man-overboard", 7  # found after a third of the time
+# found after a third of the time
+USUAL_SEARCH = "man-overboard"
+USUAL_SEED = 7
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -109,7 +111,8 @@ class _Episode:
     def __init__(
         self, search: NamedSearch, options: argparse.Namespace, seed: int, rival: str = ""
     ) -> None:
-        spec, posterior = PolicySpec.of(rival or options.policy), search.with_posterior(True)
+        spec = PolicySpec.of(rival or options.policy)
+        posterior = search.with_posterior(True)
         seen = view_of(spec, search, view_from(options))
         where = posterior if options.manual else search.with_posterior(seen.bayesian_update)
         self._flown = 0 if options.manual and not rival else None
@@ -157,7 +160,8 @@ def _print_summary(
     search: NamedSearch, options: argparse.Namespace, seed: int, frame: Frame, stopped: str = ""
 ) -> None:
     """Print the result of an episode by its last frame, and why the user stopped it there."""
-    policy, outcome = options.policy, f"stopped: {stopped}"
+    policy = options.policy
+    outcome = f"stopped: {stopped}"
     if options.manual:
         policy = f"you fly drone 0, {policy} the others"
     if frame.ending is not None:
@@ -177,7 +181,8 @@ def _print_summary(
         success = f"{frame.probability_of_success:.1%} of all persons would be found by now"
         lines.append(f"POS             {success}")
     if search.scale is not None:
-        cell, step = search.scale.metres_per_cell, search.scale.seconds_per_step
+        cell = search.scale.metres_per_cell
+        step = search.scale.seconds_per_step
         lines.append(f"scale           cells of {cell:g} m, steps of {step:.3g} s")
     print("\n".join(lines), flush=True)
 

@@ -27,9 +27,9 @@ class Drones:
     """
 
     def __init__(self, names: tuple[str, ...], scenario: Scenario) -> None:
-        self._names, self._scheme = names, scenario.reward_scheme
-        self._timestep_limit = scenario.timestep_limit
-        self._quiet = dict.fromkeys(names, self._scheme.step)
+        self._names = names
+        self._rules = scenario.rules
+        self._quiet = dict.fromkeys(names, self._rules.scheme.step)
 
     def start(self, cells: list[int]) -> None:
         """Start an episode with the drones in some cells."""
@@ -46,13 +46,15 @@ class Drones:
 
         Returns each drone's reward, for reading only, and the ending or None.
         """
-        rewards, ending = self._quiet, None
-        if not rules.is_quiet(chosen, targets, world.step, self._timestep_limit):
+        rewards = self._quiet
+        ending = None
+        if not rules.is_quiet(chosen, targets, world.step, self._rules.timestep_limit):
             rewards, ending = self._outcome(chosen, targets, world)
         if ending:  # a drone that tries to leave the grid stays
             moves = zip(self.cells, targets, strict=True)
             targets = [cell if target == OFF_GRID else target for cell, target in moves]
-        self.chosen, self.cells = chosen, targets
+        self.chosen = chosen
+        self.cells = targets
         self.returns = [*map(add, self.returns, rewards.values())]
         self.history.append((targets, chosen))
         return rewards, ending
@@ -69,10 +71,7 @@ class Drones:
             searches = {cell: drone for drone, (cell, action) in pairs if action == _SEARCH}
             observed = world.observed(searches)
             found = world.search(searches)
-        rewards, ending = rules.outcome(
-            self._scheme,
-            self._timestep_limit,
-            world.is_rescue,
+        events = rules.StepEvents(
             targets=targets,
             observed=observed,
             found=found,
@@ -82,6 +81,7 @@ class Drones:
             all_found=not world.missing,
             covered=world.is_covered,
         )
+        rewards, ending = rules.outcome(self._rules, events)
         self.finders |= found
         return dict(zip(self._names, rewards, strict=True)), ending
 

@@ -99,7 +99,8 @@ class Grid:
 
     def distance(self, cells: Any, others: Any) -> Any:
         """The moves between cells, given as numbers."""
-        (y, x), (to_y, to_x) = np.divmod(cells, self.size), np.divmod(others, self.size)
+        y, x = np.divmod(cells, self.size)
+        to_y, to_x = np.divmod(others, self.size)
         return moves_between(to_x - x, to_y - y)
 
 

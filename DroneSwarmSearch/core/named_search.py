@@ -51,7 +51,8 @@ class NamedSearch:
     def __post_init__(self) -> None:
         checks.name_text("name", self.name)
         scenario = checked_scenario(self.scenario)
-        size, cells = scenario.grid_size, list(range(scenario.n_drones))
+        size = scenario.grid_size
+        cells = list(range(scenario.n_drones))
         if len(self.drones):
             cells = scenario.drone_cells(self.drones, "drones")
         object.__setattr__(self, "drones", tuple((cell % size, cell // size) for cell in cells))
@@ -59,8 +60,11 @@ class NamedSearch:
     @property
     def outline(self) -> str:
         """The main parameters, in a line."""
-        scenario, persons, scale = self.scenario, self.scenario.persons_to_find, self.scale
-        width, steps = "", f"{scenario.timestep_limit:,} steps"
+        scenario = self.scenario
+        persons = self.scenario.persons_to_find
+        scale = self.scale
+        width = ""
+        steps = f"{scenario.timestep_limit:,} steps"
         if scale is not None:
             width = f" of {scale.metres_per_cell:g} m"
             minutes = scale.seconds(scenario.timestep_limit) / 60

@@ -51,7 +51,8 @@ def observe(
     """Each drone's observation and info; `found` is whether a drone has found a person."""
     observations: dict[str, Observation] = {}
     info: dict[str, Any] = {"Found": found, "is_success": is_success(facts[0])}
-    kind, success = Infos, facts[-1]
+    kind = Infos
+    success = facts[-1]
     if success is not None:
         info["probability_of_success"] = success
         kind = SuccessInfos
@@ -72,7 +73,8 @@ def state_planes(matrices: Singles, drones: Ints, persons: Ints, missing: Flags)
     """
     planes = np.zeros((len(matrices), 3, *matrices.shape[1:]), np.float32)
     planes[:, 0] = matrices
-    counts, rows = planes.reshape(len(matrices), 3, -1), np.arange(len(matrices))[:, None]
+    counts = planes.reshape(len(matrices), 3, -1)
+    rows = np.arange(len(matrices))[:, None]
     np.add.at(counts[:, 1], (rows, drones), 1.0)
     np.add.at(counts[:, 2], (rows, persons), missing)
     return planes
@@ -118,7 +120,8 @@ class SearchSpaces(ParallelEnv[str, Observation, int]):
     @cached_property
     def observation_spaces(self) -> dict[str, spaces.Dict]:
         """`observation_space` of every drone."""
-        n, made = self.grid_size, {}
+        n = self.grid_size
+        made = {}
         for agent in self.possible_agents:
             position = spaces.Tuple((spaces.Discrete(n), spaces.Discrete(n)))
             matrix = spaces.Box(0.0, 1.0, (n, n), np.float32)

@@ -32,7 +32,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,26 +194,24 @@ def is_quiet(
     )
 
 
-def outcome(
-    scheme: RewardScheme,
-    timestep_limit: int,
-    is_rescue: bool,
-    *,
-    targets: Sequence[int],
-    observed: Mapping[int, float],
-    found: Collection[int],
-    found_before: Collection[int],
-    returns: Sequence[float],
-    steps_before: int,
-    all_found: bool,
-    covered: bool,
-) -> tuple[list[float], Ending | None]:
-    """The outcome of a step: drones' rewards, and the ending if it is the last one.
+class SearchRules(NamedTuple):
+    """What the rules depend on in all steps of a search.
 
-    Args:
+    Attributes:
         scheme: the figures of the table.
         timestep_limit: the number of steps in an episode.
         is_rescue: whether the mission is to find persons.
+    """
+
+    scheme: RewardScheme
+    timestep_limit: int
+    is_rescue: bool
+
+
+class StepEvents(NamedTuple):
+    """What happened in a step of one search.
+
+    Attributes:
         targets: the cell that each drone tries to enter, or OFF_GRID.
         observed: for each drone that searches, what the matrix that it observed holds for its
             cell; or, with `expected_finds`, the probability of success that its search adds.
@@ -223,10 +221,42 @@ def outcome(
         steps_before: steps completed before this one.
         all_found: whether all persons have been found.
         covered: whether the coverage mission is complete, see `COVERED_AT`.
-
-    Returns:
-        Every drone's reward, and the ending or None.
     """
+
+    targets: Sequence[int]
+    observed: Mapping[int, float]
+    found: Collection[int]
+    found_before: Collection[int]
+    returns: Sequence[float]
+    steps_before: int
+    all_found: bool
+    covered: bool
+
+
+class BatchEvents(NamedTuple):
+    """`StepEvents` of many searches.
+
+    Arrays have the shape (searches, n), or (searches,) without drones. Exceptions: `observed` is
+    for the drones that search, in their order; `found` holds the numbers of drones, row * n +
+    drone, possibly with repetitions; `all_found` and `covered` hold numbers of searches. `actions`
+    are those of the drones.
+    """
+
+    actions: Ints
+    targets: Ints
+    observed: Floats
+    found: Ints
+    found_before: NDArray[np.bool_]
+    returns: Floats
+    steps_before: Ints
+    all_found: Ints
+    covered: Ints
+
+
+def outcome(rules: SearchRules, events: StepEvents) -> tuple[list[float], Ending | None]:
+    """The outcome of a step: every drone's reward, and the ending if it is the last one."""
+    scheme, timestep_limit, is_rescue = rules
+    targets, observed, found, found_before, returns, steps_before, all_found, covered = events
     is_last = steps_before == timestep_limit - 1
     shared = same_cell(targets)
     rewards = []
@@ -259,44 +289,31 @@ def outcome(
     return rewards, Ending.TIME_LIMIT if is_last else None
 
 
-def outcomes(
-    scheme: RewardScheme,
-    timestep_limit: int,
-    is_rescue: bool,
-    *,
-    actions: Ints,
-    targets: Ints,
-    observed: Floats,
-    found: Ints,
-    found_before: NDArray[np.bool_],
-    returns: Floats,
-    steps_before: Ints,
-    all_found: Ints,
-    covered: Ints,
-) -> tuple[Floats, NDArray[np.int8]]:
+def outcomes(rules: SearchRules, events: BatchEvents) -> tuple[Floats, NDArray[np.int8]]:
     """`outcome` for many searches; applies the lines of the table from last to first.
-
-    Arrays have the shape (searches, n), or (searches,) without drones. Exceptions: `observed` is
-    for the drones that search, in their order; `found` holds the numbers of drones, row * n +
-    drone, possibly with repetitions; `all_found` and `covered` hold numbers of searches.
 
     Returns:
         Rewards, float64, (searches, n), and endings, int8, (searches,): an `Ending`, or 0.
     """
+    scheme = rules.scheme
+    targets = events.targets
+    observed = events.observed
+    found = events.found
     n = targets.shape[1]
-    searched = (actions == Action.SEARCH.value).reshape(-1).nonzero()[0]
-    left_grid, collided = (targets == OFF_GRID).reshape(-1).nonzero()[0], collisions(targets)
-    last = (steps_before == timestep_limit - 1).nonzero()[0]
+    searched = (events.actions == Action.SEARCH.value).reshape(-1).nonzero()[0]
+    left_grid = (targets == OFF_GRID).reshape(-1).nonzero()[0]
+    collided = collisions(targets)
+    last = (events.steps_before == rules.timestep_limit - 1).nonzero()[0]
     rewards = np.full(targets.size, scheme.step)
     if scheme.expected_finds:
         rewards[searched] = scheme.find * observed
     else:
         likely = observed > scheme.search_threshold
         rewards[searched] = np.where(likely, scheme.search * observed, scheme.search_unlikely)
-        if is_rescue and last.size:
-            timed_out = (last[:, None] * n + np.arange(n))[~found_before[last]]
-            rewards[timed_out] = scheme.timeout - returns.take(timed_out)
-        early = 1 - steps_before.take(found // n) / timestep_limit
+        if rules.is_rescue and last.size:
+            timed_out = (last[:, None] * n + np.arange(n))[~events.found_before[last]]
+            rewards[timed_out] = scheme.timeout - events.returns.take(timed_out)
+        early = 1 - events.steps_before.take(found // n) / rules.timestep_limit
         rewards[found] = scheme.find + scheme.find_early * early
     rewards[left_grid] = scheme.leave_grid
     rewards[collided] = scheme.collision
@@ -305,8 +322,8 @@ def outcomes(
     endings[last] = Ending.TIME_LIMIT.value
     endings[left_grid // n] = Ending.LEFT_GRID.value
     endings[collided // n] = Ending.COLLISION.value
-    endings[covered] = Ending.COVERED.value
-    endings[all_found] = Ending.FOUND.value
+    endings[events.covered] = Ending.COVERED.value
+    endings[events.all_found] = Ending.FOUND.value
     return rewards.reshape(targets.shape), endings
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints
 from DroneSwarmSearch.core.grid import Cell
-from DroneSwarmSearch.core.rules import RewardScheme
+from DroneSwarmSearch.core.rules import RewardScheme, SearchRules
 from DroneSwarmSearch.drift.axes import dispersion_rate
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.models import drift_model
@@ -162,7 +162,8 @@ class Scenario:
         """The persons to find, whichever parameters describe them."""
         if self.persons is not None:
             return self.persons
-        vector, diffusion = self.vector, dispersion_rate(self.disperse_constant)
+        vector = self.vector
+        diffusion = dispersion_rate(self.disperse_constant)
         detections = self.probability_of_detection
         if not isinstance(detections, tuple):
             detections = (detections,) * len(self.person_initial_position)
@@ -170,6 +171,11 @@ class Scenario:
             Person((Drift(cell, vector=vector, diffusion=diffusion),), detection)
             for cell, detection in zip(self.person_initial_position, detections, strict=True)
         )
+
+    @property
+    def rules(self) -> SearchRules:
+        """What the rules depend on in all steps."""
+        return SearchRules(self.reward_scheme, self.timestep_limit, self.mission == "rescue")
 
     @property
     def mean_vector(self) -> tuple[float, float]:
@@ -213,7 +219,8 @@ class Scenario:
             TypeError: they are not cells.
             ValueError: a cell is off the grid, two are equal, or their number is wrong.
         """
-        n, size = self.n_drones, self.grid_size
+        n = self.n_drones
+        size = self.grid_size
         given = checks.items(name, drones_positions, f"{n} cells (x, y), one for each drone")
         if len(given) != n:
             raise ValueError(

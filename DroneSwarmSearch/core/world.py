@@ -14,7 +14,8 @@ from DroneSwarmSearch.core.rules import COVERED_AT
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.belief import Belief, mean_forecast, mean_over_missing, shown_matrix
 
-_FEWEST_AHEAD, _MOST_AHEAD = 8, 32
+_FEWEST_AHEAD = 8
+_MOST_AHEAD = 32
 """The steps that persons walk at a time, because each call has a fixed cost."""
 
 
@@ -37,7 +38,8 @@ class WorldState:
 
     def __init__(self, scenario: Scenario) -> None:
         self._models = scenario.forecasts()
-        self._persons, self._detections = scenario.persons_to_find, scenario.detections
+        self._persons = scenario.persons_to_find
+        self._detections = scenario.detections
         self._keeps_beliefs = scenario.keeps_beliefs
         self._shows_beliefs = scenario.bayesian_update
         self._pays_expectation = scenario.reward_scheme.expected_finds
@@ -91,7 +93,8 @@ class WorldState:
         n = len(self._models)
         known = self._paths_first + len(self._paths[0]) - 1
         steps = min(max(_FEWEST_AHEAD, known), _MOST_AHEAD)
-        first, last = 2 * n * known, 2 * n * (known + steps)
+        first = 2 * n * known
+        last = 2 * n * (known + steps)
         draws = self._streams.drift.between(self._episode, first, last)
         self._paths = [
             model.walk(path[-1], known, draws[2 * k :: 2 * n], draws[2 * k + 1 :: 2 * n])

@@ -111,7 +111,8 @@ def distribution(grid_size: int, axes: Axes, step: Array) -> Floats:
     It has the shape (N, ...), where steps and axes broadcast to (...), never decreases, and is 1
     in the last cell.
     """
-    mean, tau = axes.mean(grid_size, step), step + axes.adrift
+    mean = axes.mean(grid_size, step)
+    tau = step + axes.adrift
     by_drift = displaced(axes.velocity_sd, tau)
     variance: Floats = axes.diffusion * tau + axes.start_sd**2 + by_drift**2
     spreads = variance > 0.0
@@ -218,7 +219,8 @@ def tabulate(
         np.ascontiguousarray(np.moveaxis(table, 0, -1)).reshape(shape) for table in tables
     )
     factors[..., 1, :] *= weights[:, :, None]
-    moves, joint = all_moves(higher, lower), None
+    moves = all_moves(higher, lower)
+    joint = None
     if priors:
         joint = _carried(factors, moves, priors, weights, previous)
     return Steps(factors, moves, joint, followed[:, -1].copy())
@@ -238,7 +240,8 @@ def _followed(
     grid_size: int, axes: Axes, priors: dict[int, Floats], steps: Floats, previous: Steps | None
 ) -> tuple[Floats, Floats]:
     """F before and after each step, padded: (N + 2, n + 1, A); and `Axes.shift` of each, (n, A)."""
-    targets, shift = distribution(grid_size, axes, steps + 1.0), axes.shift(grid_size, steps)
+    targets = distribution(grid_size, axes, steps + 1.0)
+    shift = axes.shift(grid_size, steps)
     followed = np.ones((grid_size + 2, len(steps) + 1, len(axes.start)))
     followed[0] = 0.0
     followed[1:-1, 0] = distribution(grid_size, axes, np.array(0.0))
@@ -304,7 +307,8 @@ class Drifter:
     """Lets a mass of the shape (M, N, N) drift by a step, in scratch arrays that it keeps."""
 
     def __init__(self, state_shape: tuple[int, ...]) -> None:
-        self._shape, self._axes = state_shape, []
+        self._shape = state_shape
+        self._axes = []
         for distance in (1, state_shape[-1]):
             # Nobody leaves the grid, so nothing wraps around from one row or hypothesis to the
             # next, and the arrays can be shifted as one run of memory.

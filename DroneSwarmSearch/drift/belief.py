@@ -37,7 +37,8 @@ class Belief(NamedTuple):
         If they contradict the belief, its mass stays.
         """
         mass = self.mass.copy()
-        flat, missed = mass.reshape(-1), 1.0 - self.detection
+        flat = mass.reshape(-1)
+        missed = 1.0 - self.detection
         for cell in cells:
             flat[self.model.states(cell)] *= missed
         total = normalise(mass).item()

@@ -81,7 +81,8 @@ class ForecastTables(Forecasts):
         if self._map_table is not None or self._joint is not None:
             return super().probabilities(entries, cells)
         y, x = np.divmod(cells, self._size)
-        at_x, at_y = self._factors[entries, :, 0, x], self._factors[entries, :, 1, y]
+        at_x = self._factors[entries, :, 0, x]
+        at_y = self._factors[entries, :, 1, y]
         total: Singles = over_layers((at_y.astype(np.float32) * at_x.astype(np.float32)).T)
         return total
 
@@ -91,8 +92,10 @@ class ForecastTables(Forecasts):
         moves = self._moves.take(entries, -1, mode="clip").astype(mass.dtype, copy=False)
         if self._scratch.shape[1:] != shape:
             self._scratch = np.empty((2, *shape), mass.dtype)
-        cells, (higher, lower) = mass.reshape(-1), self._scratch.reshape(2, -1)
-        along_x, along_y = moves[:, :, 0, None], moves[:, :, 1, :, None]
+        cells = mass.reshape(-1)
+        higher, lower = self._scratch.reshape(2, -1)
+        along_x = moves[:, :, 0, None]
+        along_y = moves[:, :, 1, :, None]
         for along, row in ((along_x, mass[0, 0, 0]), (along_y, mass[0, 0])):  # see `Drifter`
             np.multiply(along, mass, self._scratch)
             mass *= 1.0 - along[0] - along[1]

@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
 
-BLOCK_STEPS, BLOCK_BYTES = 32, 2**22  # of tables: the most that are filled at a time
+# of tables: the most that are filled at a time
+BLOCK_STEPS = 32
+BLOCK_BYTES = 2**22
 
 
 class DriftModel(ABC):
@@ -247,7 +249,8 @@ class Forecasts:
         self.count = len(models)
         layers = max(model.state_shape[0] for model in models)
         self.shape = layers, max(model.layer for model in models)
-        self._size, self._last = models[0].grid_size, last
+        self._size = models[0].grid_size
+        self._last = last
         empty: Singles = np.zeros((0, self._size, self._size), np.float32)
         self._map_table = empty if keeps_matrices else None
         self._filled = 0  # steps
@@ -266,7 +269,8 @@ class Forecasts:
             usual = max(1, min(BLOCK_STEPS, BLOCK_BYTES // self.step_bytes), self._filled)
             more = min(usual, self._last + 1 - self._filled)
             self._fill(more)
-            first, self._filled = self._filled, self._filled + more
+            first = self._filled
+            self._filled = self._filled + more
             if self._map_table is not None:
                 new = np.arange(first * self.count, self._filled * self.count)
                 self._map_table = np.concatenate([self._map_table, self._computed(new)])
@@ -341,7 +345,8 @@ class Forecasts:
 
     def cells(self, states: Ints, entries: Ints) -> Ints:
         """The cells of persons' states, of the same shape."""
-        cells, indices = np.empty_like(states), entries % self.count
+        cells = np.empty_like(states)
+        indices = entries % self.count
         for number in np.unique(indices):
             who = indices == number
             cells[who] = self.models[number].cells(states[who])
@@ -364,7 +369,9 @@ class Forecasts:
 
     def walk(self, states: Ints, entries: Ints, draws: Floats) -> Ints:
         """The states, (...), one step later, given the entries before it and draws, (2, ...)."""
-        after, draws, entries = states.reshape(-1).copy(), draws.reshape(2, -1), entries.reshape(-1)
+        after = states.reshape(-1).copy()
+        draws = draws.reshape(2, -1)
+        entries = entries.reshape(-1)
         order = entries.argsort(kind="stable")
         _, first = np.unique(entries[order], return_index=True)
         for who in np.split(order, first[1:]):

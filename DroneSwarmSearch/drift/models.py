@@ -28,7 +28,8 @@ def _of_hypotheses(known: Hypotheses, grid_size: int) -> DriftModel:
 
 @drift_model.register
 def _of_tracks(known: TrackDrift, grid_size: int) -> DriftModel:
-    key, chains = (grid_size, known.fine, known.classes), known.tracks.chains
+    key = (grid_size, known.fine, known.classes)
+    chains = known.tracks.chains
     if key not in chains:
         steps = known.tracks.some_steps
         off = max(known.mass_beyond(grid_size, step) for step in steps)

@@ -90,7 +90,8 @@ class ProbabilityMatrix(DriftModel):
     # The forecast.
 
     def matrix(self, step: int) -> Singles:
-        block, step = self._block_of(step), int(step)
+        block = self._block_of(step)
+        step = int(step)
         if step not in block.matrices:
             is_separable = block.steps.joint is None
             matrix = matrices_of(self._factors(step)) if is_separable else super().matrix(step)
@@ -155,7 +156,8 @@ class ProbabilityMatrix(DriftModel):
     def walk(
         self, state: int, step: int, draws_x: Sequence[float], draws_y: Sequence[float]
     ) -> list[int]:
-        size, hypotheses = self.grid_size, self.state_shape[0]
+        size = self.grid_size
+        hypotheses = self.state_shape[0]
         hypothesis, cell = divmod(state, size**2)
         y, x = divmod(cell, size)
         path = []
@@ -184,7 +186,8 @@ class ProbabilityMatrix(DriftModel):
     def moved(self, states: Ints, step: int, draws_x: Floats, draws_y: Floats) -> Ints:
         _, higher, lower = self._moves(step)
         hypotheses, y, x = np.unravel_index(states, self.state_shape)
-        across, along = (hypotheses, 0, x), (hypotheses, 1, y)
+        across = (hypotheses, 0, x)
+        along = (hypotheses, 1, y)
         new: Ints = states + moves_of(draws_x, higher[across], higher[across] + lower[across])
         return new + self.grid_size * moves_of(draws_y, higher[along], higher[along] + lower[along])
 
@@ -219,13 +222,15 @@ class ProbabilityMatrix(DriftModel):
 
     def _block_of(self, step: int) -> _Block:
         """The tables that hold a step; fast if steps are in ascending order."""
-        block, count = self._block, self._block_steps
+        block = self._block
+        count = self._block_steps
         if block is not None and type(step) is int and 0 <= step - block.first < count:
             return block
         number = checks.integer("step", step, 0) // count
         done = 0 if block is None or step < block.first else block.first // count + 1
         for step in range(done, number + 1):
-            first, previous = step * count, block.steps if block is not None and step else None
+            first = step * count
+            previous = block.steps if block is not None and step else None
             block = self._kept.get(step)
             if block is None:
                 steps = tabulate(self.grid_size, [self.known], first, count, previous)

@@ -57,10 +57,12 @@ class Leaderboard:
     @property
     def search_table(self) -> list[list[str]]:
         """A heading, and the success of each policy in a row for each search; * marks the best."""
-        policies, bounds = self.policies, known_bounds(self.evaluations)
+        policies = self.policies
+        bounds = known_bounds(self.evaluations)
         rows = [["search", *["bound"] * bool(bounds), *policies]]
         for several in zip(*policies.values(), strict=True):
-            search, values = several[0].search.name, [result.success.value for result in several]
+            search = several[0].search.name
+            values = [result.success.value for result in several]
             bound = [f"{100 * bounds[search]:.1f}"] if bounds else []
             best = max(values) - ROUNDING
             figures = [f"{100 * value:.1f}{'*' * (value > best)}" for value in values]

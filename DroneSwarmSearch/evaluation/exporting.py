@@ -73,13 +73,16 @@ def export(
         OSError: the file cannot be written.
         TypeError, ValueError: an argument is invalid.
     """
-    where, specs = as_named(search), [PolicySpec.of(policy) for policy in policies]
+    where = as_named(search)
+    specs = [PolicySpec.of(policy) for policy in policies]
     views = [view_of(spec, where, view) for spec in specs]
     chosen = [checks.integer("seeds", seed, 0) for seed in seeds]
     try_folder(Path(path).parent)
 
-    maps, episodes = Maps(), []
-    title, total = f"episodes of {where.name}", len(specs) * len(chosen)
+    maps = Maps()
+    episodes = []
+    title = f"episodes of {where.name}"
+    total = len(specs) * len(chosen)
     with replacing(Path(path)) as spare, progress(title, total) as bar:
         for spec, seen in zip(specs, views, strict=True):
             mine = where.with_posterior(seen.bayesian_update)
@@ -102,7 +105,8 @@ def export(
 
 
 def _description(search: NamedSearch) -> dict[str, Any]:
-    scenario, scale = search.scenario, search.scale
+    scenario = search.scenario
+    scale = search.scale
     return {
         "name": search.name,
         "reason": search.reason,

@@ -82,9 +82,11 @@ def success_over_time(evaluations: Sequence[Evaluation]) -> Figure:
     axes = figure.add_subplot()
     bounds = known_bounds(evaluations)
     if len(bounds) == len({result.search.name for result in evaluations}):
-        mean, ink = fmean(bounds.values()), rcParams["text.color"]
+        mean = fmean(bounds.values())
+        ink = rcParams["text.color"]
         axes.axhline(mean, color=ink, linestyle=(0, (3, 1.5)), label=f"bound {100 * mean:.1f}%")
-    looks, curves = _looks(evaluations), {}
+    looks = _looks(evaluations)
+    curves = {}
     for policy in looks:
         several = [result for result in evaluations if result.policy == policy]
         steps = [np.floor(SHARES * result.limit + 1e-9).astype(int) for result in several]
@@ -114,11 +116,14 @@ def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
     offsets = np.linspace(-0.36, 0.36, len(looks)) if len(looks) > 1 else np.zeros(1)
     offset = dict(zip(looks, offsets.tolist(), strict=True))
     for result in evaluations:
-        row, (colour, marker) = searches.index(result.search.name), looks[result.policy]
+        row = searches.index(result.search.name)
+        colour, marker = looks[result.policy]
         value, low, high = result.success
-        error, place = [[value - low], [high - value]], row + offset[result.policy]
+        error = [[value - low], [high - value]]
+        place = row + offset[result.policy]
         axes.errorbar(value, place, xerr=error, fmt=marker, color=colour, elinewidth=0.9)
-    ink, bounds = rcParams["text.color"], known_bounds(evaluations)
+    ink = rcParams["text.color"]
+    bounds = known_bounds(evaluations)
     for search, bound in bounds.items():
         row = searches.index(search)
         axes.vlines(bound, row - 0.46, row + 0.46, color=ink, linewidth=1.8)

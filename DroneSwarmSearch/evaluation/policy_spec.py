@@ -65,7 +65,8 @@ class PolicySpec:
                 f"'file.py:Class:argument', got {policy!r:.100}{did_you_mean(policy, POLICIES)}"
             )
         file, own_name, argument = parts.groups()
-        found, files = _imported(file, own_name), [Path(file)]
+        found = _imported(file, own_name)
+        files = [Path(file)]
         if argument is not None and Path(argument).is_file():
             own_name = Path(argument).stem
             files.append(Path(argument))

@@ -80,13 +80,17 @@ def record(
         OSError: the file cannot be written.
         TypeError, ValueError: an argument is invalid.
     """
-    target, rate = Path(path), checks.real("fps", fps, FPS_LEAST, FPS_MOST)
+    target = Path(path)
+    rate = checks.real("fps", fps, FPS_LEAST, FPS_MOST)
     checks.choice("palette", palette, tuple(PALETTES))
-    spec, where = PolicySpec.of(policy, name), as_named(search)
-    first, seen = checks.integer("seed", seed, 0), view_of(spec, where, view)
+    spec = PolicySpec.of(policy, name)
+    where = as_named(search)
+    first = checks.integer("seed", seed, 0)
+    seen = view_of(spec, where, view)
     where = where.with_posterior(seen.bayesian_update)
     try_folder(target.parent)
-    made, last = prepared(spec, where), None
+    made = prepared(spec, where)
+    last = None
 
     def frames() -> Iterator[Frame]:
         nonlocal last

@@ -103,7 +103,8 @@ class Evaluation:
         last one is found, 0 if not all are; in a coverage mission, the mean over persons if they
         have the same curve of survival, else an approximation.
         """
-        persons, steps = self.search.scenario.persons_to_find, range(self.limit)
+        persons = self.search.scenario.persons_to_find
+        steps = range(self.limit)
         if all(person.survival is None for person in persons):
             return None
         alive = np.mean([[*map(person.alive, steps)] for person in persons], axis=0)
@@ -288,7 +289,8 @@ def save_csv(path: str | Path, evaluations: Iterable[Evaluation]) -> None:
 
 def csv_text(evaluations: Iterable[Evaluation]) -> str:
     """Return the text that `save_csv` writes."""
-    rows, out = [result.summary for result in evaluations], io.StringIO()
+    rows = [result.summary for result in evaluations]
+    out = io.StringIO()
     columns = dict.fromkeys(name for row in rows for name in row)
     writer = csv.DictWriter(out, list(columns), lineterminator="\n")
     writer.writeheader()

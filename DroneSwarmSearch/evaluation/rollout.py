@@ -39,14 +39,16 @@ def play(
     Without `wants_curves`, the curves of a rescue are 0.
     """
     at_once = 1 if view.form == "parallel" else len(seeds)
-    batch, unfound = SearchBatch(at_once, **search.parameters), None
+    batch = SearchBatch(at_once, **search.parameters)
+    unfound = None
     if wants_curves and search.scenario.mission == "rescue":
         # These rewards need the beliefs; the policy does not see them.
         scenario = search.scenario.replace(reward_scheme=RewardScheme.expected())
         unfound = SearchBatch(
             at_once, scenario=scenario, drones_positions=search.drones, finds_last=False
         )
-    stage, parts = Stage(unfound or batch, view), []
+    stage = Stage(unfound or batch, view)
+    parts = []
     for first in range(0, len(seeds), at_once):
         mine = seeds[first : first + at_once]
         reset_policy(policy, mine[0] if view.form == "parallel" else list(mine))
@@ -73,7 +75,8 @@ def share_found(
         drones_positions: as for `DroneSwarmSearch.reset`.
     """
     search = checked_scenario(scenario or getattr(policy, "scenario", None))
-    missed, size = tracks.weights.copy(), search.grid_size
+    missed = tracks.weights.copy()
+    size = search.grid_size
     for step, cells in enumerate(_searches_of(policy, search, drones_positions)):
         x, y = fine_cells(tracks.positions[min(step, tracks.steps)], size, 1)
         missed[np.isin(y * size + x, cells)] *= 1.0 - search.detections[0]
@@ -89,7 +92,8 @@ def _searches_of(policy: Any, scenario: Scenario, drones_positions: Any) -> Iter
         raise ValueError(f"scenario must have one person, got {len(scenario.persons_to_find)}")
     plan = None if callable(policy) else checks.numbers("policy", policy, "a policy or a plan")
     batch = SearchBatch(1, scenario=scenario, drones_positions=drones_positions, finds_last=False)
-    stage, steps = Stage(batch, View(form="parallel")), scenario.timestep_limit
+    stage = Stage(batch, View(form="parallel"))
+    steps = scenario.timestep_limit
     rows = np.arange(1)
     batch.reset([0])
     if plan is None:
@@ -128,8 +132,10 @@ def _play(
 
 class _Recorder:
     def __init__(self, batch: SearchBatch) -> None:
-        scenario, n = batch.scenario_of(0), batch.num_rows
-        self._batch, self._detections = batch, np.array(scenario.detections)
+        scenario = batch.scenario_of(0)
+        n = batch.num_rows
+        self._batch = batch
+        self._detections = np.array(scenario.detections)
         self._covers = scenario.mission == "coverage"
         self.episodes = Episodes.empty(n, len(scenario.detections), scenario.timestep_limit)
         self.searched = np.zeros((n, scenario.grid_size**2), np.bool_)
@@ -137,11 +143,14 @@ class _Recorder:
 
     def step(self, actions: Ints) -> None:
         """Take a step in the episodes that go on."""
-        batch, episodes, rows = self._batch, self.episodes, self.goes_on.nonzero()[0]
+        batch = self._batch
+        episodes = self.episodes
+        rows = self.goes_on.nonzero()[0]
         if not rows.size:
             return
         episodes.steps[rows] += 1
-        missing, persons = batch.missing, batch.person_cells
+        missing = batch.missing
+        persons = batch.person_cells
         mine = np.where(self.goes_on[:, None], actions, int(Action.IDLE))
         searchers, drones = (mine == int(Action.SEARCH)).nonzero()
         cells = batch.cells[searchers, drones]
@@ -175,7 +184,9 @@ class _Follower:
     """Writes the probability of success by step in a batch whose last persons are not found."""
 
     def __init__(self, batch: SearchBatch, curves: Floats) -> None:
-        self._batch, self._curves, self._step = batch, curves, 0
+        self._batch = batch
+        self._curves = curves
+        self._step = 0
         # The last person's probability of failure, before being the last.
         self._before = np.ones(batch.num_rows)
         self._was_last = batch.missing.sum(axis=1) == 1
@@ -185,9 +196,11 @@ class _Follower:
         """Take a step with the rows that go on."""
         self._batch.step(actions)
         self._step += 1
-        missing, failure = self._batch.missing, self._batch.probability_of_failure
+        missing = self._batch.missing
+        failure = self._batch.probability_of_failure
         assert failure is not None
-        count, now = missing.sum(axis=1), failure[np.arange(len(missing)), missing.argmax(axis=1)]
+        count = missing.sum(axis=1)
+        now = failure[np.arange(len(missing)), missing.argmax(axis=1)]
         is_last = count == 1
         self._before = np.where(is_last & ~self._was_last, now, self._before)
         self._was_last = is_last

@@ -108,7 +108,8 @@ class Case:
         name: str | None = None,
     ) -> Case:
         """Make a case from arguments of `evaluate`."""
-        spec, named = PolicySpec.of(policy, name), as_named(search)
+        spec = PolicySpec.of(policy, name)
+        named = as_named(search)
         seen = view_of(spec, named, view)
         named = named.with_posterior(seen.bayesian_update)
         # `SwarmPolicy` requires that actions follow from observations.

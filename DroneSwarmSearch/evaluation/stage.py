@@ -54,7 +54,8 @@ def steering(
     """
     batch = SearchBatch(1, **search.parameters)
     batch.reset([seed])
-    stage, names = Stage(batch, view), [f"drone{i}" for i in range(search.scenario.n_drones)]
+    stage = Stage(batch, view)
+    names = [f"drone{i}" for i in range(search.scenario.n_drones)]
     reset_policy(policy, seed if view.form == "parallel" else [seed])
 
     def act() -> dict[str, int]:
@@ -89,8 +90,10 @@ class Stage:
     """Shows the searches of a batch to a policy with a view, and reads its actions."""
 
     def __init__(self, batch: SearchBatch, view: View) -> None:
-        self._batch, self._view = batch, view
-        scenario, joint = batch.scenario_of(0), view.form != "drone"
+        self._batch = batch
+        self._view = view
+        scenario = batch.scenario_of(0)
+        joint = view.form != "drone"
         self._names = tuple(f"drone{i}" for i in range(scenario.n_drones))
         self._neighbours = Grid.of(scenario.grid_size).neighbours
         self._observations = BatchObservations(

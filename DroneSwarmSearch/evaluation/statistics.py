@@ -78,9 +78,11 @@ def bounded_mean(sample: ArrayLike, least: float = 0.0, most: float = 1.0) -> Es
     Statistical Association 22, 1927).
     """
     values = np.asarray(sample, np.float64)
-    n, mean = len(values), float(values.mean())
+    n = len(values)
+    mean = float(values.mean())
     if np.ptp(values) < ROUNDING:
-        mean, share = float(values[0]), Z**2 / (n + Z**2)
+        mean = float(values[0])
+        share = Z**2 / (n + Z**2)
         return Estimate(mean, mean + share * (least - mean), mean + share * (most - mean))
     deviation = float(values.std(ddof=1))
     skewness = float((((values - mean) / deviation) ** 3).mean())

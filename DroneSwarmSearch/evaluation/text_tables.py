@@ -30,7 +30,8 @@ def signed(estimate: Estimate) -> str:
 
 def _figures(estimate: Estimate, sign: str, to: str) -> str:
     """The figures with as many decimals as show the interval."""
-    digits, width = 1, estimate.high - estimate.low
+    digits = 1
+    width = estimate.high - estimate.low
     if width > 0.0:
         digits = min(max(math.ceil(-math.log10(width)), 1), MOST_DECIMALS)
     rounded = (round(number, digits) + 0.0 for number in estimate)  # + 0.0: no "-0.0"

@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal.arrays import Floats
 
-EQUATOR, ECCENTRICITY2 = 6378137.0, 0.00669437999014
+EQUATOR = 6378137.0
+ECCENTRICITY2 = 0.00669437999014
 """Of the WGS 84 ellipsoid: the radius in metres, and the square of the eccentricity."""
 
 
@@ -45,8 +46,10 @@ class TangentPlane:
         """Metres (east, north), (..., 2), as (latitude, longitude) in degrees, of that shape."""
         # The height over the plane at which the ellipsoid is, by a quadratic equation.
         squash = np.array([1.0, 1.0, 1.0 / (1.0 - ECCENTRICITY2)])
-        below, up = self._origin + np.asarray(metres) @ self._axes[:2], self._axes[2]
-        a, b = squash @ up**2, (below * squash) @ up
+        below = self._origin + np.asarray(metres) @ self._axes[:2]
+        up = self._axes[2]
+        a = squash @ up**2
+        b = (below * squash) @ up
         c = below**2 @ squash - EQUATOR**2
         point = below + ((np.sqrt(b**2 - a * c) - b) / a)[..., None] * up
         across = np.hypot(point[..., 0], point[..., 1])
@@ -58,7 +61,8 @@ class TangentPlane:
 
 def _geocentric(latitude: ArrayLike, longitude: ArrayLike) -> Floats:
     """Positions on the ellipsoid in metres from the centre of the earth: float64, (..., 3)."""
-    phi, lam = np.radians(latitude), np.radians(longitude)
+    phi = np.radians(latitude)
+    lam = np.radians(longitude)
     across = EQUATOR / np.sqrt(1.0 - ECCENTRICITY2 * np.sin(phi) ** 2)
     x, y = np.cos(phi) * np.cos(lam), np.cos(phi) * np.sin(lam)
     point = np.stack(np.broadcast_arrays(x, y, (1.0 - ECCENTRICITY2) * np.sin(phi)), axis=-1)

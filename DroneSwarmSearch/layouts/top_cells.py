@@ -26,7 +26,9 @@ class TopCellsLayout(Layout):
         self._drones = np.arange(n_drones)[:, None]
 
     def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
-        size, k, own = self.grid_size, self.k, positions[:, :, None]
+        size = self.grid_size
+        k = self.k
+        own = positions[:, :, None]
         cells, probabilities = likeliest_cells(matrices, k)
         y, x = np.divmod(cells[:, None], size)
         by_cell = out[..., : 3 * k].reshape(*out.shape[:2], k, 3)

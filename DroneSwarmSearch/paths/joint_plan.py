@@ -55,7 +55,9 @@ PAIRS = 0.5  # the fraction of trials with pairs of drones
 EXCHANGES = 0.5  # the fraction of pairs that may exchange the rest of their paths
 
 VALUES = 20000  # masses of all candidates of a trial together
-FEWEST, MOST = 8, 32  # candidates of a trial
+# candidates of a trial
+FEWEST = 8
+MOST = 32
 
 NOISE = 2**18  # random factors that are drawn once, and used from a random place on in every trial
 

@@ -191,7 +191,8 @@ class Drift:
 
     def check_grid(self, grid_size: int, name: str = "drift") -> None:
         """Raise a ValueError, with this drift's name, if the start does not fit on a grid."""
-        name, shape = f"{name}.start", (grid_size, grid_size)
+        name = f"{name}.start"
+        shape = (grid_size, grid_size)
         if isinstance(self.start, np.ndarray):
             if self.start.shape != shape:
                 raise ValueError(
@@ -402,8 +403,10 @@ def _vector(name: str, value: Any, of_one: Callable[..., tuple[float, float]]) -
 
 def _within(grid_size: int, means: Floats, deviation: float) -> Floats:
     """The probability of being within the grid along an axis, for each of some means."""
-    means, deviation = np.clip(means, -_LARGE, _LARGE), min(deviation, _LARGE)
-    low, high = -0.5 - means, grid_size - 0.5 - means
+    means = np.clip(means, -_LARGE, _LARGE)
+    deviation = min(deviation, _LARGE)
+    low = -0.5 - means
+    high = grid_size - 0.5 - means
     if deviation == 0.0:
         inside: Floats = ((low <= 0.0) & (high > 0.0)).astype(np.float64)
         return inside

@@ -42,7 +42,8 @@ JIBING = 0.04  # the probability that an object changes sides in an hour
 
 _PARTS = 32  # of the time adrift, in which objects may jibe
 
-_FEWEST_JIBES, _MOST_JIBES = 0.01, 50.0
+_FEWEST_JIBES = 0.01
+_MOST_JIBES = 50.0
 """Expected before the search; fewer are left out, and more change the position no further."""
 
 _FASTEST = 1000.0  # the highest speed of a wind in m/s
@@ -307,7 +308,8 @@ def _jibed(sides: list[Drift], known: Drift, jibes: float) -> list[Drift]:
     drifts = []
     for side, path, other in zip(sides, paths, paths[::-1], strict=True):
         shift, shift_sd = _after_jibes(other - path, jibes)
-        place, start_sd = np.add(known.start, shift), np.hypot(known.start_sd, shift_sd)
+        place = np.add(known.start, shift)
+        start_sd = np.hypot(known.start_sd, shift_sd)
         drifts.append(replace(side, start=tuple(place), start_sd=tuple(start_sd)))
     return drifts
 
@@ -385,7 +387,8 @@ def _spread(errors: Floats, split: bool) -> list[tuple[Floats, Floats, float]]:
     (2, T, 2).
     """
     sd = np.hypot(*errors)
-    both, squares = errors.prod(axis=2).sum(axis=0), sd.prod(axis=1)
+    both = errors.prod(axis=2).sum(axis=0)
+    squares = sd.prod(axis=1)
     correlation = both / np.where(both, squares, 1.0)
     if not split or np.abs(correlation).max() <= _NEGLIGIBLE_CORRELATION:
         return [(0.0 * sd, sd, 1.0)]

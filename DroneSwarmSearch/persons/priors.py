@@ -41,7 +41,8 @@ def polygon(grid_size: int, vertices: ArrayLike) -> Floats:
     corners = _positions("vertices", vertices, 3)
     _check_simple(corners)
     x, y = corners.T
-    after_x, after_y = np.roll(x, -1), np.roll(y, -1)
+    after_x = np.roll(x, -1)
+    after_y = np.roll(y, -1)
     area = float(np.sum((x - x[0]) * (after_y - y[0]) - (after_x - x[0]) * (y - y[0]))) / 2
     if area == 0.0:
         raise ValueError(f"vertices must form a polygon with an area, got {vertices!r}")
@@ -216,12 +217,14 @@ def _before(edges: Floats, start: list[float], end: list[float]) -> Floats:
 
     Y and X are the boundaries of rows and columns; what is before the first row is left out.
     """
-    (x0, y0), (x1, y1) = start, end
+    x0, y0 = start
+    x1, y1 = end
     with np.errstate(over="ignore"):  # clipped; the heights of the ends may be almost equal
         to = np.clip((edges - y0) / (y1 - y0), 0.0, 1.0)
     first, last = (to[:1], to) if y1 > y0 else (to, to[:1])
     ends = x0 + (x1 - x0) * first, x0 + (x1 - x0) * last
-    low, high = np.minimum(*ends)[:, None], np.maximum(*ends)[:, None]
+    low = np.minimum(*ends)[:, None]
+    high = np.maximum(*ends)[:, None]
     over = np.clip(edges, low, high) - low
     span = np.where(high > low, high - low, 1.0)
     mean = np.minimum(edges, low) + over - over * over / (2 * span)
@@ -244,6 +247,7 @@ def _check_simple(corners: Floats) -> None:
 
 def _side(start: Floats, end: Floats, point: Floats) -> Floats:
     """On which side of a line points are: -1, 0 or 1."""
-    a, b = end - start, point - start
+    a = end - start
+    b = point - start
     cross: Floats = np.sign(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
     return cross

@@ -55,7 +55,8 @@ def positions(
     metres = TangentPlane(*origin).metres(latitude, longitude)
     cells = metres * (1, -1) / scale.metres_per_cell + cell
     tracks, adrift, lost = _tracked(cells, seconds, times, stranded)
-    is_later, elements = released > seconds[0], lost + tracks.shape[1]
+    is_later = released > seconds[0]
+    elements = lost + tracks.shape[1]
     if lost > MOST_LOST * elements:
         later = f"start at {_utc(released)}, when all are adrift" if is_later else "start later"
         raise ValueError(
@@ -64,7 +65,8 @@ def positions(
             "fewer steps"
         )
     if diffusivity:
-        deviation, shape = np.sqrt(scale.diffusion(diffusivity)), tracks[1:].shape
+        deviation = np.sqrt(scale.diffusion(diffusivity))
+        shape = tracks[1:].shape
         moves = np.random.default_rng(seed).normal(0.0, deviation, shape) * adrift[:-1, :, None]
         tracks[1:] += moves.cumsum(axis=0)
     return tracks, int(np.sum(~adrift[-1])), lost, _utc(released) if is_later else None
@@ -203,7 +205,8 @@ def _tracked(
     last = here[-1] + int(part[-1] > 0.0)
     is_known: Flags = active[: here[0] + 1].any(axis=0) & (stranded | (ends >= last))
     which: Ints = is_known.nonzero()[0]
-    end, tracks = ends[which], np.empty((len(times), len(which), 2))
+    end = ends[which]
+    tracks = np.empty((len(times), len(which), 2))
     held = cells[np.minimum(np.arange(len(cells))[:, None], end), which]
     for step, (before, share) in enumerate(zip(here.tolist(), part.tolist(), strict=True)):
         a, b = held[before : before + 2]

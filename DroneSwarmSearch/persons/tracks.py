@@ -74,7 +74,8 @@ class Tracks:
                 raise ValueError(f"weights must be {what}, got {weights!r:.100}")
             shares = shares / shares.max()
             if not (positive := shares > 1e-300).all():  # others may become 0
-                given, shares = given[:, positive], shares[positive]
+                given = given[:, positive]
+                shares = shares[positive]
         given, self.stranded = _without_gaps(given)
         _check_jumps(given)
         self.positions: Floats = given.view()
@@ -106,7 +107,8 @@ class Tracks:
         text = f"{len(self):,} tracks, {self.steps} steps"
         text += f", {self.stranded:,} stranded" * (self.stranded > 0)
         text += f", {self.lost:,} lost and left out" * (self.lost > 0)
-        low, high = self.positions.min(axis=(0, 1)), self.positions.max(axis=(0, 1))
+        low = self.positions.min(axis=(0, 1))
+        high = self.positions.max(axis=(0, 1))
         if self.source and self.source.get("start"):
             text += f", from {self.source['start']}"
         ranges = zip("xy", low, high, strict=True)
@@ -140,7 +142,8 @@ class Tracks:
 
     def thin(self, n: int, seed: int = 0) -> Tracks:
         """Keep n of the tracks, drawn at random without replacement."""
-        count, seed = checks.integer("n", n, 1, len(self)), checks.integer("seed", seed, 0)
+        count = checks.integer("n", n, 1, len(self))
+        seed = checks.integer("seed", seed, 0)
         chosen = np.random.default_rng(seed).permutation(len(self))[:count]
         return Tracks(self.positions[:, chosen], self.weights[chosen])
 
@@ -250,7 +253,8 @@ class Tracks:
                 tracks = cls(positions)
             except ValueError as error:
                 raise ValueError(f"{path}: {error}") from None
-            tracks.stranded, tracks.lost = stranded, lost
+            tracks.stranded = stranded
+            tracks.lost = lost
             arguments["scale"] = [scale.metres_per_cell, scale.seconds_per_step]
         digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
         tracks.source = {"file": str(path), "sha256": digest, **arguments}
@@ -274,7 +278,8 @@ class Tracks:
             ValueError: the tracks were given as arrays, or the file has changed.
         """
         arguments = {**data}
-        file, digest = arguments.pop("file"), arguments.pop("sha256")
+        file = arguments.pop("file")
+        digest = arguments.pop("sha256")
         if file is None:
             raise ValueError(
                 "tracks must come from a file to be restored, but these were given as arrays: "
@@ -329,7 +334,8 @@ class TrackDrift(KnownDrift):
     @staticmethod
     def _check_number(tracks: Tracks, fine: int) -> None:
         """Warn if the tracks are too few for cells of `fine` by `fine` parts."""
-        shares, held_out = [], np.zeros(len(tracks), np.bool_)
+        shares = []
+        held_out = np.zeros(len(tracks), np.bool_)
         held_out[np.random.default_rng(0).permutation(len(tracks))[: -(-len(tracks) // 4)]] = True
         for step in tracks.some_steps:
             x, y = np.floor((tracks.positions[step].T + 0.5) * fine)

@@ -24,7 +24,8 @@ from DroneSwarmSearch.policies.greedy import (
     worthwhile,
 )
 
-NEAR, FAR = DISCOUNT, 0.9
+NEAR = DISCOUNT
+FAR = 0.9
 """Factors on success for each step of the way: for the best cell, and for a wider view."""
 
 STEPS = 32  # the most steps to look ahead; farther cells count as they will be in the last of them
@@ -101,8 +102,10 @@ class Arrivals:
     """
 
     def __init__(self, grid_size: int, n_drones: int) -> None:
-        self.grid_size, self.n_drones = grid_size, n_drones
-        self._crops, self._windows = CropsLayout(grid_size, n_drones), CropsLayout(grid_size, 1)
+        self.grid_size = grid_size
+        self.n_drones = n_drones
+        self._crops = CropsLayout(grid_size, n_drones)
+        self._windows = CropsLayout(grid_size, 1)
         axis = np.arange(grid_size)
         self._axis = axis.astype(np.float32)
         self._offsets = np.abs(axis[:, None] - axis)
@@ -110,7 +113,8 @@ class Arrivals:
         exponents = np.arange(2 * grid_size)
         self._discounts = [(factor**exponents).astype(np.float32) for factor in (NEAR, FAR)]
         # [drone's coordinate, cell's coordinate]: whether the cell is on that side.
-        self._higher, self._lower = axis > axis[:, None], axis < axis[:, None]
+        self._higher = axis > axis[:, None]
+        self._lower = axis < axis[:, None]
 
     def steps(self, remaining: int) -> int:
         """How many steps to look ahead, given the steps remaining until the time limit."""
@@ -138,7 +142,9 @@ class Arrivals:
             headings: every drone's latest move, an `Action`, or any other before the first;
                 shape (searches, n).
         """
-        searches, n, size = len(ahead), self.n_drones, self.grid_size
+        searches = len(ahead)
+        n = self.n_drones
+        size = self.grid_size
         out = np.empty((searches, n, INPUTS), np.float32)
         flat = out.reshape(-1, INPUTS)
         # The best cell now is 1; without a possible success, all cells are.
@@ -176,7 +182,8 @@ class Arrivals:
         for place, values in enumerate((*best, *sums)):
             relative = values / np.maximum(values.max(axis=1, keepdims=True), TINY)
             scores[:, place] = np.log(np.maximum(relative, np.float32(LEAST))) / 2
-        down, right = claims.reshape(-1) // size - y, claims.reshape(-1) % size - x
+        down = claims.reshape(-1) // size - y
+        right = claims.reshape(-1) % size - x
         scores[:, -1, :4] = np.stack([right, down, -right, -down], 1) > 0
         scores[:, -1, 4] = moves_between(right, down) / np.float32(size)
 
@@ -225,7 +232,8 @@ class Arrivals:
 
         The values of each cell to each drone have the shape (drones, N, N) and are at least 0.
         """
-        columns, rows = reduce(values, axis=1), reduce(values, axis=2)
+        columns = reduce(values, axis=1)
+        rows = reduce(values, axis=2)
         parts = [
             reduce(line * side[at], axis=1)
             for side in (self._higher, self._lower)
@@ -236,7 +244,8 @@ class Arrivals:
     def _drift(self, ahead: Singles) -> tuple[Singles, Singles]:
         """The mean drift over the next steps along x and y, in cells per step: (searches,)."""
         last = min(4, ahead.shape[1] - 1)
-        now, later = ahead[:, 0], ahead[:, last]
+        now = ahead[:, 0]
+        later = ahead[:, last]
         before, after = (
             [
                 part.sum(axis=axis) @ self._axis / np.maximum(part.sum(axis=(1, 2)), TINY)

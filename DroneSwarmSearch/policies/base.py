@@ -57,7 +57,8 @@ class BatchPolicy(ABC):
         if not observations:
             return {}
         seen = [observation["observation"] for observation in observations.values()]
-        positions, matrices = np.array([[cell for cell, _ in seen]]), seen[0][1][None]
+        positions = np.array([[cell for cell, _ in seen]])
+        matrices = seen[0][1][None]
         self._check_shape("observations", positions, self.scenario.n_drones, 2)
         size = self.scenario.grid_size
         self._check_shape("matrix", matrices, size, size)
@@ -180,7 +181,8 @@ class SwarmPolicy(BatchPolicy):
         return actions
 
     def _add_group(self, rows: Ints, memory: Any) -> None:
-        self._group_of[rows], self._memories[self._next_group] = self._next_group, memory
+        self._group_of[rows] = self._next_group
+        self._memories[self._next_group] = memory
         self._next_group += 1
 
 
@@ -206,7 +208,8 @@ def _identical(groups: Ints, positions: NDArray[np.integer], matrices: Singles) 
 
 def _checked_rows(name: str, value: ArrayLike) -> Ints:
     """Valid row indices: int64, shape (n,)."""
-    rows, what = np.asarray(value), f"{name} must be different integers of at least 0"
+    rows = np.asarray(value)
+    what = f"{name} must be different integers of at least 0"
     if rows.size and rows.dtype.kind not in "iu":
         raise TypeError(f"{what}, got {rows.dtype}")
     if rows.ndim != 1 or (rows < 0).any() or len(np.unique(rows)) < len(rows):

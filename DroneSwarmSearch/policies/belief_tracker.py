@@ -158,7 +158,8 @@ class BeliefTracker:
             # The factor counts in coverage missions only, see `success`.
             is_coverage = self.scenario.mission == "coverage"
             beliefs[person] = after if is_coverage else after._replace(failure=belief.failure)
-        self._perhaps_found, self._beliefs = tuple(perhaps_found), tuple(beliefs)
+        self._perhaps_found = tuple(perhaps_found)
+        self._beliefs = tuple(beliefs)
 
 
 class Outlook:
@@ -170,7 +171,8 @@ class Outlook:
     """
 
     def __init__(self, tracker: BeliefTracker, steps: int) -> None:
-        size, self._tracker = tracker.scenario.grid_size, tracker
+        size = tracker.scenario.grid_size
+        self._tracker = tracker
         self._masses = {person: [tracker.joint(person)] for person in tracker.missing}
         ahead = range(tracker.step, tracker.step + steps + 1)
         self._worths = {
@@ -187,12 +189,14 @@ class Outlook:
 
     def search(self, cell: Cell, ahead: int) -> None:
         """Plan a search of a cell (x, y) some steps from now: subtract what it finds."""
-        (x, y), last = cell, min(len(self.success) - 1, ahead + FOLLOWED)
+        x, y = cell
+        last = min(len(self.success) - 1, ahead + FOLLOWED)
         first = self._tracker.step
         for person, masses in self._masses.items():
             model = self._tracker.forecasts[person]
             detection = self._tracker.scenario.detections[person]
-            found, states = np.zeros_like(masses[ahead]), model.states(y * model.grid_size + x)
+            found = np.zeros_like(masses[ahead])
+            states = model.states(y * model.grid_size + x)
             found.reshape(-1)[states] = detection * masses[ahead].reshape(-1)[states]
             if not found.any():
                 continue

@@ -42,7 +42,8 @@ def _in_rings(cells: Sequence[Cell], wanted: Sequence[Cell]) -> set[int]:
     }
     rings: set[int] = set()
     for drone in follows:
-        trail, here = [drone], follows.get(drone)
+        trail = [drone]
+        here = follows.get(drone)
         while here is not None and here not in trail:
             trail.append(here)
             here = follows.get(here)

@@ -67,7 +67,8 @@ def datums_of(forecast: DriftModel, step: int) -> list[Datum]:
     singles = [_datum(*part) for part in likely]
     groups: list[list[int]] = []
     for number, single in enumerate(singles):
-        apart, merged = [], [number]
+        apart = []
+        merged = [number]
         for group in groups:
             if all(single.is_apart_from(singles[other]) for other in group):
                 apart.append(group)
@@ -75,7 +76,8 @@ def datums_of(forecast: DriftModel, step: int) -> list[Datum]:
                 merged += group
         groups = [*apart, merged]
     if len(groups) < len(singles):
-        joint, weights = np.array([mass for mass, _ in likely]), [weight for _, weight in likely]
+        joint = np.array([mass for mass, _ in likely])
+        weights = [weight for _, weight in likely]
         singles = [
             _datum(joint[group].sum(axis=0), sum(weights[number] for number in group))
             for group in groups

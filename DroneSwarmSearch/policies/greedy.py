@@ -30,7 +30,8 @@ CLAIMED = 1e-3
 
 FADING = 0.9  # factor per step on the memory of a search, since the person may drift back
 
-WORTHWHILE, WORTHWHILE_ON_ARRIVAL = 0.3, 0.2
+WORTHWHILE = 0.3
+WORTHWHILE_ON_ARRIVAL = 0.2
 """The share of the best cell's success, now and on arrival, that targets need: drones that stop on
 the wide flanks of a posterior reach the middle too late."""
 
@@ -60,8 +61,10 @@ class _Greedy(SwarmPolicy):
         The values of the cells have the shape (N, N), or (n_drones, N, N). `claim` gets a drone,
         its target and the drones that still choose; it returns their new values, (drones, N, N).
         """
-        size, scores = self.scenario.grid_size, self._scores(cells, values)
-        targets, claimed = [], np.zeros(size**2)
+        size = self.scenario.grid_size
+        scores = self._scores(cells, values)
+        targets = []
+        claimed = np.zeros(size**2)
         for _ in cells:
             drone, favourite = divmod(int(scores.argmax()), size**2)
             target = favourite % size, favourite // size
@@ -221,10 +224,12 @@ def _moves(
     cells: list[Cell], targets: Iterable[tuple[int, Cell]], probability: Floats
 ) -> list[Action]:
     """Every drone's action towards its target, without collisions."""
-    closed, actions = set(cells), [Action.IDLE] * len(cells)
+    closed = set(cells)
+    actions = [Action.IDLE] * len(cells)
     for drone, target in targets:
         x, y = cells[drone]
-        to_x, to_y = target[0] - x, target[1] - y
+        to_x = target[0] - x
+        to_y = target[1] - y
         nearer = [
             # In a tie the longer leg comes first, which keeps both directions open.
             ((probability[y + dy, x + dx], abs(to_x * dx + to_y * dy)), action, (x + dx, y + dy))

@@ -45,7 +45,8 @@ class Network:
     """
 
     def __init__(self, layers: Sequence[tuple[Singles, Singles]]) -> None:
-        width, last = INPUTS, len(layers) - 1
+        width = INPUTS
+        last = len(layers) - 1
         for number, (weights, biases) in enumerate(layers):
             width += INPUTS * (number == last > 0)
             if biases.ndim != 1 or weights.shape != (width, len(biases)):
@@ -81,7 +82,8 @@ class Network:
         """Write the weights to an .npz file: weights0, biases0, weights1 and so on."""
         arrays = {}
         for number, (weights, biases) in enumerate(self._layers):
-            arrays[f"weights{number}"], arrays[f"biases{number}"] = weights, biases
+            arrays[f"weights{number}"] = weights
+            arrays[f"biases{number}"] = biases
         with Path(path).open("wb") as file:
             np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # NumPy's stub
 
@@ -168,8 +170,10 @@ class ImitationPolicy(OpenLoopPolicy):
         self, tracker: BeliefTracker, cells: list[Cell], rng: np.random.Generator | None = None
     ) -> list[int]:
         """The actions that the network prefers; with `rng` a sample."""
-        limit, size = self.scenario.timestep_limit, self.scenario.grid_size
-        remaining, positions = max(limit - tracker.step, 1), np.array([cells])
+        limit = self.scenario.timestep_limit
+        size = self.scenario.grid_size
+        remaining = max(limit - tracker.step, 1)
+        positions = np.array([cells])
         ahead = tracker.success_ahead(self._arrivals.steps(remaining))[None]
         detections = [self.scenario.detections[person] for person in tracker.missing]
         detection = np.array([sum(detections) / len(detections)])

@@ -35,7 +35,8 @@ class Rectangle(NamedTuple):
     @property
     def corners(self) -> list[Cell]:
         """The cells at the corners, each once."""
-        right, bottom = self.x + self.width - 1, self.y + self.height - 1
+        right = self.x + self.width - 1
+        bottom = self.y + self.height - 1
         return sorted({(x, y) for x in (self.x, right) for y in (self.y, bottom)})
 
     @property
@@ -122,7 +123,8 @@ def sector_search(datum: Pair, radius: float, heading: float = 0.0) -> list[Pair
 def _ends_of_legs(start: Pair, lengths: Sequence[float], headings: Sequence[float]) -> list[Pair]:
     points = [start]
     for length, heading in zip(lengths, headings, strict=True):
-        (x, y), angle = points[-1], math.radians(heading)
+        x, y = points[-1]
+        angle = math.radians(heading)
         points.append((x + length * math.sin(angle), y - length * math.cos(angle)))
     return points
 
@@ -142,15 +144,22 @@ def cells_along(points: Iterable[Pair], grid_size: int) -> list[Cell]:
 
 def _staircase(begin: Cell, end: Cell) -> list[Cell]:
     """The cells along the straight line from one cell to another, without the first."""
-    (x, y), (end_x, end_y) = begin, end
-    columns, rows = abs(end_x - x), abs(end_y - y)
-    step_x, step_y = (1 if end_x > x else -1), (1 if end_y > y else -1)
-    cells, i, j = [], 0, 0
+    x, y = begin
+    end_x, end_y = end
+    columns = abs(end_x - x)
+    rows = abs(end_y - y)
+    step_x = 1 if end_x > x else -1
+    step_y = 1 if end_y > y else -1
+    cells = []
+    i = 0
+    j = 0
     while i < columns or j < rows:
         # Cross the next border on the line: a column's or a row's.
         if (2 * i + 1) * rows < (2 * j + 1) * columns:
-            i, x = i + 1, x + step_x
+            i += 1
+            x += step_x
         else:
-            j, y = j + 1, y + step_y
+            j += 1
+            y += step_y
         cells.append((x, y))
     return cells

@@ -60,7 +60,8 @@ class _RouteProgress:
         """The next cell is being searched; continue with the one after it."""
         self.at += 1
         if self.at == len(self.route):
-            self.is_done, self.route = True, self.route[::-1]
+            self.is_done = True
+            self.route = self.route[::-1]
             self.at = min(1, len(self.route) - 1)
 
 
@@ -107,8 +108,10 @@ class PatternPolicy(SwarmPolicy):
 
     def _datum(self, memory: _PatternMemory, cells: list[Cell]) -> Datum:
         """The next datum, as it will be when the drones are half-way through."""
-        tracker, limit = memory.tracker, self.scenario.timestep_limit
-        half_way, way = tracker.step, 0.0
+        tracker = memory.tracker
+        limit = self.scenario.timestep_limit
+        half_way = tracker.step
+        way = 0.0
         # The way there, the size of the area and the duration depend on each other: iterate.
         for _ in range(5):
             forecasts = [tracker.forecasts[person] for person in tracker.missing]
@@ -177,7 +180,8 @@ class SectorSearchPolicy(PatternPolicy):
     """
 
     def routes(self, datum: Datum, passes: int) -> list[list[Route]]:
-        size, drones = self.scenario.grid_size, self.scenario.n_drones
+        size = self.scenario.grid_size
+        drones = self.scenario.n_drones
         reach = REACH * math.sqrt((datum.deviation[0] ** 2 + datum.deviation[1] ** 2) / 2)
         affordable = datum.effort / drones / (9 * CELLS_PER_LENGTH)
         radius = max(min(reach, affordable), 1.0)
@@ -219,7 +223,8 @@ def _wanted(
     occupied = {cells[drone] for drone in searching}
     wanted_by: dict[Cell, int] = {}
     for drone in sorted(range(len(cells)), key=lambda drone: progress[drone].is_done):
-        cell, goal = cells[drone], progress[drone].next_cell
+        cell = cells[drone]
+        goal = progress[drone].next_cell
         if progress[drone].is_done and cell in wanted_by:
             wanted[drone] = cells[wanted_by[cell]]
         elif goal == cell:
@@ -234,7 +239,8 @@ def _wanted(
 def _step_towards(goal: Cell, cell: Cell, occupied: set[Cell]) -> Cell:
     """The next cell on the way to another one: around occupied cells, the longer leg first."""
     x, y = cell
-    to_x, to_y = goal[0] - x, goal[1] - y
+    to_x = goal[0] - x
+    to_y = goal[1] - y
     along_x = abs(to_x), (x + (1 if to_x > 0 else -1), y)
     along_y = abs(to_y), (x, y + (1 if to_y > 0 else -1))
     options = [option for option in (along_x, along_y) if option[0]]

@@ -45,11 +45,13 @@ class RandomPolicy(BatchPolicy):
             episodes[rows] += np.uint64(1)
         else:
             given = [seeds + row for row in rows.tolist()] if isinstance(seeds, int) else seeds
-            keys[rows], episodes[rows] = [policy_key(seed) for seed in given], 0
+            keys[rows] = [policy_key(seed) for seed in given]
+            episodes[rows] = 0
 
     def _add_rows(self, rows: Ints) -> None:
         """Add the rows up to the last one of some rows."""
-        known, count = self._rows.shape[1], int(rows.max(initial=-1)) + 1
+        known = self._rows.shape[1]
+        count = int(rows.max(initial=-1)) + 1
         if count <= known:
             return
         seeds: int | list[int] = self._seeds

@@ -7,9 +7,13 @@ from DroneSwarmSearch.core.frame import Frame
 
 def drift(frame: Frame) -> tuple[str, list[tuple[str, str]]]:
     """The mean drift: its unit, and each component's name and value; with a scale, at sea."""
-    unit, names, values = "cells/step", "xy", frame.vector
+    unit = "cells/step"
+    names = "xy"
+    values = frame.vector
     if frame.scale is not None:
-        unit, names, values = "m/s", "EN", frame.scale.velocity(values)
+        unit = "m/s"
+        names = "EN"
+        values = frame.scale.velocity(values)
     return unit, [(name, signed(value)) for name, value in zip(names, values, strict=True)]
 
 

@@ -31,8 +31,12 @@ SIDES = {"matrix": 720, "both": 660, "film": 460}
 GAP = 6  # between the map's margin and the panel, in pixels
 HEAD = 52  # the height of the headline
 FILM_MARGIN = 10
-TITLE_FONT, CAPTION_FONT, OUTCOME_FONT = 32, 24, 38
-REASON_LINE, REASON_LETTER = 26, 9  # its height, and about the width of a letter
+TITLE_FONT = 32
+CAPTION_FONT = 24
+OUTCOME_FONT = 38
+# its height, and about the width of a letter
+REASON_LINE = 26
+REASON_LETTER = 9
 CAPTIONS = "prior: the drift alone", "posterior: given the searches"
 
 

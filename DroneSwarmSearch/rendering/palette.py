@@ -30,7 +30,9 @@ SPOTLIGHT: Colour = (226, 244, 255)
 COLLISION: Colour = (255, 236, 140)
 
 N_SHADES = 129  # shades of a ramp; odd, so that one is in the middle
-MIDDLE_FROM, HIGH_FROM = 0.25, 0.75  # shares of the maximum from which two of three colours hold
+# shares of the maximum from which two of three colours hold
+MIDDLE_FROM = 0.25
+HIGH_FROM = 0.75
 
 
 # The ramps, from the least to the most likely cell, as evenly spaced colours. Their luminance is
@@ -78,7 +80,8 @@ class Look:
     def ramp(self) -> NDArray[np.uint8]:
         """The colours from probability 0 to the maximum of the matrix; shape (N_SHADES, 3)."""
         stops = np.array(PALETTES[self.palette])
-        at, indices = np.linspace(0.0, len(stops) - 1, N_SHADES), range(len(stops))
+        at = np.linspace(0.0, len(stops) - 1, N_SHADES)
+        indices = range(len(stops))
         channels = [np.interp(at, indices, channel) for channel in stops.T]
         ramp: NDArray[np.uint8] = np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
         return ramp

@@ -24,18 +24,28 @@ from DroneSwarmSearch.rendering.palette import (
 )
 from DroneSwarmSearch.rendering.sprites import text_line, write
 
-WIDTH, HEIGHT = 232, 720
-HEADING, SMALL, BODY, LARGE = 18, 19, 22, 42  # font sizes
+WIDTH = 232
+HEIGHT = 720
+# font sizes
+HEADING = 18
+SMALL = 19
+BODY = 22
+LARGE = 42
 
 # Of the sections; those below grow with their content.
-RESULTS_TOP, DRIFT_HEIGHT, SCALE_HEIGHT, SYMBOLS_HEIGHT = 92, 112, 88, 144
-HYPOTHESES_ROW, HYPOTHESES_ROWS = 22, 3
+RESULTS_TOP = 92
+DRIFT_HEIGHT = 112
+SCALE_HEIGHT = 88
+SYMBOLS_HEIGHT = 144
+HYPOTHESES_ROW = 22
+HYPOTHESES_ROWS = 3
 COMPASS = 62
 SYMBOL = 24
 NAME_WIDTH = 62  # left of a bar
 
 FILM_GAP = 12  # between the two columns of a film
-FILM_WIDTH, FILM_HEIGHT = 2 * WIDTH + FILM_GAP, 210
+FILM_WIDTH = 2 * WIDTH + FILM_GAP
+FILM_HEIGHT = 210
 
 
 def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look) -> None:
@@ -96,7 +106,9 @@ def _draw_progress(canvas: pygame.Surface, share: float, top: int) -> None:
 
 def _draw_results(canvas: pygame.Surface, frame: Frame) -> int:
     """Persons found, probability of success and return; returns where the section ends."""
-    top, success, total = RESULTS_TOP, frame.probability_of_success, frame.total_return
+    top = RESULTS_TOP
+    success = frame.probability_of_success
+    total = frame.total_return
     _heading(canvas, "", top)
     if frame.persons:
         found = f"{sum(frame.found)} of {len(frame.persons)}"
@@ -118,7 +130,8 @@ def _draw_drift(canvas: pygame.Surface, frame: Frame, top: int) -> None:
     unit, components = drift(frame)
     _heading(canvas, f"DRIFT, {unit if frame.scale else 'CELLS PER STEP'}", top)
     canvas.blit(sprites.compass(COMPASS, frame.vector), (0, top + 22))
-    left, middle = COMPASS + 22, top + 22 + COMPASS // 2
+    left = COMPASS + 22
+    middle = top + 22 + COMPASS // 2
     for (name, value), row in zip(components, (middle - 13, middle + 13), strict=True):
         write(canvas, name, BODY, GREY, midleft=(left, row))
         write(canvas, value, BODY + 4, INK, midleft=(left + 22, row))
@@ -139,7 +152,8 @@ def _draw_scale(canvas: pygame.Surface, look: Look, maximum: float, top: int) ->
 
 def _draw_symbols(canvas: pygame.Surface, frame: Frame, top: int) -> None:
     _heading(canvas, "SYMBOLS", top)
-    half, small = WIDTH // 2, sprites.drone(SYMBOL - 4, 0)
+    half = WIDTH // 2
+    small = sprites.drone(SYMBOL - 4, 0)
     symbols = [
         (0, 0, "drone", (sprites.drone(SYMBOL, 0),)),
         (half, 0, "searching", (sprites.search_ring(SYMBOL + 4), small)),

@@ -12,7 +12,9 @@ from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.core.rules import Action
 
-SLOWEST, FASTEST = 0.25, 8.0  # factors on the steps per second
+# factors on the steps per second
+SLOWEST = 0.25
+FASTEST = 8.0
 STEP_RATE = 8.0  # steps per second at which single steps and moves by hand are drawn
 
 # Actions of drone 0 by pygame's names of keys.
@@ -130,7 +132,8 @@ class Player:
     @property
     def moment(self) -> tuple[Frame, Frame | None, float]:
         """The last frame that was reached; on the way to the next one, this and the progress."""
-        frames, number = self.recording.frames, math.floor(self._position)
+        frames = self.recording.frames
+        number = math.floor(self._position)
         progress = self._position - number
         return frames[number], frames[number + 1] if progress else None, progress
 
@@ -191,7 +194,8 @@ class Player:
         if key == "r" or (key == "space" and self.is_at_end):
             # After a flight, those who still press the search key should see the result.
             if not self.recording.is_flight:
-                self._position, self._goal = 0.0, math.inf
+                self._position = 0.0
+                self._goal = math.inf
         elif key == "space":
             self._goal = math.ceil(self._position) if self._goal == math.inf else math.inf
         elif key in ("right", "."):

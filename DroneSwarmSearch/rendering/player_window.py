@@ -17,7 +17,10 @@ PICTURES_PER_SECOND = 30
 LONGEST_PAUSE = 0.1
 """Seconds that pass at most between two pictures; a slower machine shows slower motion."""
 
-FONT, LINE, STRIP = 20, 30, 70  # of the text; the heights of a line with its margins, of the strip
+# of the text; the heights of a line with its margins, of the strip
+FONT = 20
+LINE = 30
+STRIP = 70
 KEY_PAD = 7  # around the name of a key
 CARD_COLUMNS = 140, 240, 70, 90  # widths: name, result, probability of success, return
 CARD_WIDTH = sum(CARD_COLUMNS) + 3 * FONT  # with the margin to its right
@@ -83,7 +86,9 @@ def _draw_strip(canvas: pygame.Surface, top: int, player: Player) -> None:
     """A line with the state, and one with the keys."""
     canvas.fill(WHITE, (0, top, canvas.get_width(), STRIP))
     pygame.draw.line(canvas, FAINT, (0, top), (canvas.get_width(), top))
-    colour, left, middle = (INK if player.hint else GREY), FONT // 2, top + 20
+    colour = INK if player.hint else GREY
+    left = FONT // 2
+    middle = top + 20
     write(canvas, player.hint or player.status, FONT, colour, midleft=(left, middle))
     for key, meaning in player.keys:
         cap = text_line(key, FONT, INK)
@@ -111,6 +116,7 @@ def _score_card(scores: Sequence[Score]) -> pygame.Surface:
 
 def _score_row(score: Score) -> tuple[str, str, str, str]:
     name, last = score
-    success, total = last.probability_of_success, last.total_return
+    success = last.probability_of_success
+    total = last.total_return
     figures = "" if success is None else f"{success:.1%}", "" if total is None else f"{total:,.0f}"
     return name, last.outcome, *figures

@@ -30,21 +30,39 @@ from DroneSwarmSearch.rendering.palette import (
 from DroneSwarmSearch.rendering.sprites import write
 
 # Lengths are in pixels, unless stated otherwise. A share is one of a cell's side.
-LEFT, TOP, RIGHT, BOTTOM = 46, 42, 22, 24  # margins; the first two hold the coordinates
-TICK_ROOM, KILOMETRE_ROOM, TICK_FONT = 26, 44, 18
+# margins; the first two hold the coordinates
+LEFT = 46
+TOP = 42
+RIGHT = 22
+BOTTOM = 24
+TICK_ROOM = 26
+KILOMETRE_ROOM = 44
+TICK_FONT = 18
 NORTH = 14  # the side of the arrow to the north
 ENDING_BORDER = 5  # the width of the line around the map at the end of an episode
-OPAQUE_FROM, GRID_OPACITY = 16, 0.45  # closer lines are fainter than this opacity
+# closer lines are fainter than this opacity
+OPAQUE_FROM = 16
+GRID_OPACITY = 0.45
 SYMBOL_SHARE = 0.84  # of a symbol
 SYMBOL_LEAST = 26  # for a legible number, even if symbols then leave their cell
 # In a cell with several symbols: their size in relation to one that is alone, the least size, and
 # the distance from the middle of the cell.
-SHARED_SIZE, SHARED_LEAST, APART_SHARE, APART_LEAST = 0.54, 20, 0.27, 9
-RING_SIZE, RING_MARGIN = 1.2, 8  # of a search ring: in relation to its drone, and at least larger
+SHARED_SIZE = 0.54
+SHARED_LEAST = 20
+APART_SHARE = 0.27
+APART_LEAST = 9
+# of a search ring: in relation to its drone, and at least larger
+RING_SIZE = 1.2
+RING_MARGIN = 8
 HALO_SIZE = 1.85  # of the disc behind the drone that you fly, in relation to it
 COLLISION_SIZE = 2.5  # of the star of a collision, in relation to a drone
-TRAIL_SHARE, TRAIL_LEAST, TRAIL_OPACITY = 0.13, 4, 230  # width; least width; last move
-SEARCHED_SHARE, SEARCHED_LEAST = 0.25, 6  # of the mark of a search
+# width; least width; last move
+TRAIL_SHARE = 0.13
+TRAIL_LEAST = 4
+TRAIL_OPACITY = 230
+# of the mark of a search
+SEARCHED_SHARE = 0.25
+SEARCHED_LEAST = 6
 FADES = 6  # the opacities of marks that fade
 Places = Sequence[Sequence[float]]
 Sprite = tuple[pygame.Surface, Pair]  # an image and the place of its middle
@@ -94,12 +112,18 @@ class SearchMap:
         """The numbers of cells; with a scale, kilometres from the grid's corner, and north."""
         right = LEFT + self.side
         # Labels count cells from the middle of the first one, or metres from its edge.
-        per_cell, origin, room, thousand = 1.0, 0.5, TICK_ROOM, 1
+        per_cell = 1.0
+        origin = 0.5
+        room = TICK_ROOM
+        thousand = 1
         if scale is None:
             write(canvas, "x", TICK_FONT, INK, topleft=(right + 8, TOP - 20))
             write(canvas, "y", TICK_FONT, INK, topleft=(LEFT - 16, TOP + self.side + 5))
         else:
-            per_cell, origin, room, thousand = scale.metres_per_cell, 0.0, KILOMETRE_ROOM, 1000
+            per_cell = scale.metres_per_cell
+            origin = 0.0
+            room = KILOMETRE_ROOM
+            thousand = 1000
             write(canvas, "km", TICK_FONT, INK, bottomright=(LEFT - 20, TOP - 7))
             canvas.blit(sprites.north(NORTH), (right + 7, TOP))
             write(canvas, "N", TICK_FONT, INK, midtop=(right + 7 + NORTH // 2, TOP + NORTH + 2))
@@ -147,7 +171,8 @@ class SearchMap:
                     if tuple(start) == tuple(end):
                         continue
                     age = (len(moves) - 1 - index) / (TRAIL_STEPS + 1)
-                    (x0, y0), (x1, y1) = self._centre(*start), self._centre(*end)
+                    x0, y0 = self._centre(*start)
+                    x1, y1 = self._centre(*end)
                     move = pygame.Rect(round(x0) - LEFT, round(y0) - TOP, 0, 0)
                     move.union_ip((round(x1) - LEFT, round(y1) - TOP, 0, 0))
                     move.inflate_ip(width + 2 * rim, width + 2 * rim)

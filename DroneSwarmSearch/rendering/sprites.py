@@ -56,7 +56,8 @@ class _Pen:
         pygame.draw.polygon(self._surface, colour, [self._place(point) for point in points])
 
     def stroke(self, points: Sequence[Pair], width: float, colour: Colour) -> None:
-        pixels, thickness = [self._place(point) for point in points], round(width * self._half)
+        pixels = [self._place(point) for point in points]
+        thickness = round(width * self._half)
         pygame.draw.lines(self._surface, colour, False, pixels, thickness)
         for point in points:
             self.disc(point, width / 2, colour)
@@ -99,7 +100,8 @@ def write(
 @lru_cache(maxsize=512)
 def drone(size: int, number: int) -> pygame.Surface:
     """A drone: a disc in its colour, with its number, a dark outline and a light rim."""
-    pen, colour = _Pen(size, WHITE), drone_colour(number)
+    pen = _Pen(size, WHITE)
+    colour = drone_colour(number)
     line = max(1.2 * pen.pixel, 0.05)
     pen.discs((1.0, WHITE), (1.0 - line, INK), (1.0 - 2 * line, colour))
     disc = pen.finish()
@@ -125,7 +127,8 @@ def person(size: int) -> pygame.Surface:
 @lru_cache(maxsize=512)
 def found(size: int, number: int) -> pygame.Surface:
     """A found person: a tick on a disc in the colour of the drone that made the find."""
-    pen, colour = _Pen(size, INK), drone_colour(number)
+    pen = _Pen(size, INK)
+    colour = drone_colour(number)
     pen.discs((1.0, INK), (1.0 - pen.pixel, WHITE), (1.0 - 2 * pen.pixel, colour))
     tick = ((-0.396, 0.044), (-0.099, 0.33), (0.418, -0.308))
     pen.stroke(tick, 0.26, readable_on(colour))
@@ -136,7 +139,8 @@ def found(size: int, number: int) -> pygame.Surface:
 def search_ring(size: int) -> pygame.Surface:
     """The bright ring around a drone that searches."""
     pen = _Pen(size, INK)
-    line, ring = 1.1 * pen.pixel, max(2.0 * pen.pixel, 0.05)
+    line = 1.1 * pen.pixel
+    ring = max(2.0 * pen.pixel, 0.05)
     pen.discs((1.0, INK), (1.0 - line, WHITE), (1.0 - line - ring, INK))
     pen.disc((0, 0), 1.0 - 2 * line - ring, SPOTLIGHT, alpha=150)
     return pen.finish()
@@ -192,7 +196,8 @@ def compass(size: int, vector: tuple[float, float]) -> pygame.Surface:
     angle = math.atan2(vector[1], vector[0])
     x, y = math.cos(angle), math.sin(angle)
     tip = 0.34 + 0.40 * min(1.0, speed)
-    neck, wing = tip - 0.30, 0.22
+    neck = tip - 0.30
+    wing = 0.22
     pen.stroke([(-tip * x, -tip * y), (neck * x, neck * y)], 0.12, WATER)
     left = (neck * x - wing * y, neck * y + wing * x)
     right = (neck * x + wing * y, neck * y - wing * x)

@@ -23,7 +23,8 @@ SEARCHING, SEVERAL, MISSING, FOUND = "*+PF"
 WIDTH = 80  # characters in a line of a table, and where the width of the terminal is unknown
 
 # Without a terminal: the most frames between the first and the last, and the steps between them.
-PRINTED_FRAMES, PRINTED_STRIDE = 5, 10
+PRINTED_FRAMES = 5
+PRINTED_STRIDE = 10
 
 
 def render_text(frame: Frame, columns: int = WIDTH, rows: int | None = None) -> str:
@@ -45,7 +46,8 @@ def render_text(frame: Frame, columns: int = WIDTH, rows: int | None = None) -> 
     header = " " * margin
     for x in range(0, len(edges), tick_stride(margin, width)):
         header = header.ljust(margin + (x + 1) * width - len(str(edges[x]))) + str(edges[x])
-    tokens, room = _tokens(frame, side), max(1, width - 1)
+    tokens = _tokens(frame, side)
+    room = max(1, width - 1)
 
     def fit(token: str) -> str:
         shorter = token, FOUND + token.rpartition(FOUND)[2], token.rstrip(SEARCHING), SEVERAL
@@ -69,7 +71,8 @@ def print_frames(frames: Iterable[Frame], fps: float) -> None:
 
     To any other output, print a selection of whole frames.
     """
-    in_place, height = sys.stdout.isatty(), 0
+    in_place = sys.stdout.isatty()
+    height = 0
     for frame in frames:
         stride = max(PRINTED_STRIDE, math.ceil(frame.timestep_limit / PRINTED_FRAMES))
         if in_place:
@@ -88,7 +91,8 @@ def print_frames(frames: Iterable[Frame], fps: float) -> None:
 
 def _header(frame: Frame, columns: int) -> list[str]:
     """Time, drift and results so far; hypotheses; at the end of an episode, its outcome."""
-    (time, so_far, limit), (unit, components) = frame.progress, drift(frame)
+    time, so_far, limit = frame.progress
+    unit, components = drift(frame)
     status = [f"{time} {so_far}/{limit}", f"drift {', '.join(map(' '.join, components))} {unit}"]
     if frame.persons:
         status.append(f"found {sum(frame.found)}/{len(frame.persons)}")

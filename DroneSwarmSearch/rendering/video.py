@@ -20,7 +20,9 @@ from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.rendering.palette import Look, shares_of_maximum
 
 SUFFIXES = (".gif", ".mp4")
-FPS_LEAST, FPS_MOST = 0.1, 50.0  # the range of steps per second; a GIF cannot show more
+# the range of steps per second; a GIF cannot show more
+FPS_LEAST = 0.1
+FPS_MOST = 50.0
 LONGEST_REASON = 100  # characters
 SHOWN_FROM = 0.05  # the share of a map's maximum from which a cell is never cropped away
 SMOOTH = 25.0  # pictures per second of smooth motion

@@ -65,8 +65,11 @@ def plot_curve(
     for path in paths:
         values = read_columns(path)
         for number, name in enumerate(columns):
-            known, label = ~np.isnan(values[name]), _tidy(name) if path == paths[0] else None
-            x, y, colour = values[steps][known], values[name][known], f"C{number}"
+            known = ~np.isnan(values[name])
+            label = _tidy(name) if path == paths[0] else None
+            x = values[steps][known]
+            y = values[name][known]
+            colour = f"C{number}"
             axes.plot(x, y, colour, alpha=0.25, linewidth=0.8)
             axes.plot(x, moving_mean(y), colour, marker="o" * (len(x) < 30), ms=4, label=label)
     axes.plot([], [], color="0.5", alpha=0.5, linewidth=0.8, label="single rows")
@@ -101,6 +104,7 @@ def read_columns(path: str | Path) -> dict[str, Floats]:
 
 def moving_mean(values: Floats) -> Floats:
     """The mean over a trailing window, one twentieth of all values wide: shape (n,)."""
-    width, n = max(1, math.ceil(len(values) / 20)), len(values)
+    width = max(1, math.ceil(len(values) / 20))
+    n = len(values)
     sums: Floats = np.convolve(values, np.ones(width))[:n]
     return sums / np.minimum(np.arange(1, n + 1), width)

@@ -56,7 +56,8 @@ class Task:
 
     def held_out(self) -> list[NamedSearch]:
         """The 500 searches to test on, or the only one, as coverage missions."""
-        rng, draw = np.random.default_rng(SEED), self.sampler or (lambda rng: {})
+        rng = np.random.default_rng(SEED)
+        draw = self.sampler or (lambda rng: {})
         drawn = [draw(rng) for _ in range(EPISODES if self.sampler else 1)]
         given = [{**self.parameters, **new, "mission": "coverage"} for new in drawn]
         reason = "No policy has trained on it."

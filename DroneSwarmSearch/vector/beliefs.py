@@ -15,7 +15,9 @@ from DroneSwarmSearch.drift.model import Forecasts, over_layers
 _TILE_BYTES = 1600 * 2**10
 """The size of one person's beliefs in a tile: several such arrays fit into the cache."""
 
-_LEAST_ROWS, _MOST_ROWS = 64, 1024  # the fewest and the most rows in a tile
+# the fewest and the most rows in a tile
+_LEAST_ROWS = 64
+_MOST_ROWS = 1024
 
 
 class Beliefs:
@@ -33,8 +35,11 @@ class Beliefs:
     """
 
     def __init__(self, grid_size: int, forecasts: Forecasts, entries: Ints) -> None:
-        self._size, self.forecasts, self._entries = grid_size, forecasts, entries
-        (persons, rows), shape = entries.shape, forecasts.shape
+        self._size = grid_size
+        self.forecasts = forecasts
+        self._entries = entries
+        persons, rows = entries.shape
+        shape = forecasts.shape
         fit = _TILE_BYTES // (8 * shape[0] * shape[1])
         most = min(_MOST_ROWS, max(_LEAST_ROWS, fit))
         # An odd width: the cells of a row lie in different lines of the cache.
@@ -47,7 +52,8 @@ class Beliefs:
 
     def use(self, forecasts: Forecasts) -> None:
         """Use other forecasts; layers and slots without mass are added, or left out."""
-        self.forecasts, shape = forecasts, forecasts.shape
+        self.forecasts = forecasts
+        shape = forecasts.shape
         layers, slots = np.maximum(np.subtract(shape, self._mass.shape[2:4]), 0)
         padded = np.pad(self._mass, [(0, 0), (0, 0), (0, layers), (0, slots), (0, 0)])
         self._mass = np.ascontiguousarray(padded[:, :, : shape[0], : shape[1]])

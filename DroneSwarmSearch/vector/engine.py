@@ -108,6 +108,7 @@ class SearchBatch:
             # An error if the scenario has other values of what each Person has.
             dataclasses.replace(scenario, persons=scenarios[0].persons)
         n = scenario.n_drones
+        self._rules = scenario.rules
         self._sampler = sampler
         self._rng = np.random.default_rng()  # of the sampler
         self._unused = 0  # episodes until the sampler draws other searches
@@ -119,7 +120,8 @@ class SearchBatch:
         self._rows = np.arange(rows)
         self._row_of = self._rows.repeat(n)  # of each drone
         grid = Grid.of(scenario.grid_size)
-        self._positions, self._neighbours = grid.coordinates, grid.targets
+        self._positions = grid.coordinates
+        self._neighbours = grid.targets
         self._counters: Words = np.zeros((4, rows), np.uint64)  # stream keys plus episodes
         self._seeded = np.zeros(rows, np.bool_)
         self._changing = False  # stays True after an interrupted step or reset
@@ -172,12 +174,15 @@ class SearchBatch:
         if len(given) != len(which):
             raise ValueError(f"seeds must be {len(which)}, one for each row, got {len(given)}")
         counters = self._counters[:, which] + GOLDEN
-        rng, is_due = self._rng, self._unused <= 0  # of the sampler
+        # of the sampler
+        rng = self._rng
+        is_due = self._unused <= 0
         for index, (row, seed) in enumerate(zip(which.tolist(), given, strict=True)):
             if seed is not None or not self._seeded[row]:
                 counters[:, index] = stream_keys(seed) + GOLDEN
             if seed is not None and row == 0:
-                rng, is_due = np.random.default_rng(seed), True
+                rng = np.random.default_rng(seed)
+                is_due = True
         catalogue = None
         if situations is not None:
             if self._sampler is not None:
@@ -206,7 +211,8 @@ class SearchBatch:
         """New searches from the sampler, if there is one; an error if they are invalid."""
         if self._sampler is None:
             return None
-        scenarios, cells = [], []
+        scenarios = []
+        cells = []
         for _ in range(_CATALOGUE_SIZE):
             drawn = self._sampler(rng)
             changes = checks.known_keys("a search of sampler", drawn, _SAMPLED, ValueError)
@@ -272,17 +278,9 @@ class SearchBatch:
             ValueError: an action is out of range, or their shape is wrong. After these errors the
                 batch is unchanged.
         """
-        if self._changing:
-            raise ResetNeeded("step: a step or reset was interrupted; reset all searches first")
-        if not self._seeded.all():
-            raise ResetNeeded("step: not all episodes have begun; call reset() first")
-        chosen = checked_actions(actions, self.cells.shape, np.int64)
         beginning = self.ended.nonzero()[0]
-        if beginning.size and not autoreset:
-            raise ResetNeeded(
-                f"step: the episodes of searches {beginning.tolist()} have ended; reset them "
-                "first, in a vector environment with options={'reset_mask': ...}"
-            )
+        self._check_episodes(beginning, autoreset=autoreset)
+        chosen = checked_actions(actions, self.cells.shape, np.int64)
         catalogue = None
         if beginning.size and self._unused <= 0:
             catalogue = self._sampled(beginning, self._rng)
@@ -290,21 +288,19 @@ class SearchBatch:
         # The input is valid: from here on the batch changes.
         self._changing = True
         chosen[beginning] = Action.IDLE.value
-        scenario, world = self._scenario, self._world
+        world = self._world
 
         # 1. All drones move or search.
         targets = self._neighbours.take(self.cells * len(Action) + chosen)
         self.searching = chosen == Action.SEARCH.value
         searches = self.searching.reshape(-1).nonzero()[0]  # by drone: row * n_drones + drone
-        rows, cells = self._row_of.take(searches), self.cells.take(searches)
+        rows = self._row_of.take(searches)
+        cells = self.cells.take(searches)
 
         # 2. The rules decide outcomes, rewards and endings.
         observed = world.observed(rows, cells)
         found = world.search(rows, cells, searches)
-        self.rewards, self.endings = rules.outcomes(
-            scenario.reward_scheme,
-            scenario.timestep_limit,
-            scenario.mission == "rescue",
+        events = rules.BatchEvents(
             actions=chosen,
             targets=targets,
             observed=observed,
@@ -315,6 +311,7 @@ class SearchBatch:
             all_found=world.all_found(self._row_of.take(found)),
             covered=world.covered(),
         )
+        self.rewards, self.endings = rules.outcomes(self._rules, events)
         self._finders.reshape(-1)[found] = True
         self._returns += self.rewards
         self.ended = self.endings != 0
@@ -327,6 +324,18 @@ class SearchBatch:
             self._begin(beginning, self._counters[:, beginning] + GOLDEN, catalogue)
         world.catalogue.forecasts.reach(int(world.step.max()))
         self._changing = False
+
+    def _check_episodes(self, ended: Ints, *, autoreset: bool) -> None:
+        """Raise `ResetNeeded` unless all rows have an episode, or may begin one."""
+        if self._changing:
+            raise ResetNeeded("step: a step or reset was interrupted; reset all searches first")
+        if not self._seeded.all():
+            raise ResetNeeded("step: not all episodes have begun; call reset() first")
+        if ended.size and not autoreset:
+            raise ResetNeeded(
+                f"step: the episodes of searches {ended.tolist()} have ended; reset them first, in "
+                "a vector environment with options={'reset_mask': ...}"
+            )
 
     # Parameters.
 
@@ -389,16 +398,20 @@ class SearchBatch:
 
     def frame(self, row: int) -> Frame:
         """Everything that a picture of one row shows, including the persons, but no trails."""
-        world, scenario = self._world, self.scenario_of(row)
+        world = self._world
+        scenario = self.scenario_of(row)
         positions = Grid.of(scenario.grid_size).positions
-        missing, ending = world.missing[:, row], self.endings[row]
+        missing = world.missing[:, row]
+        ending = self.endings[row]
         finders, find_cells = world.finds[..., row]
         persons = np.where(missing, world.person_cells[:, row], find_cells)
         found_by = np.where(missing, -1, finders % scenario.n_drones)
         if scenario.mission == "coverage":  # it has no persons
             persons = found_by = persons[:0]
         models = scenario.forecasts()
-        step, success, prior = int(world.step[row]), self.probability_of_success, None
+        step = int(world.step[row])
+        success = self.probability_of_success
+        prior = None
         hypotheses = [tuple(model.weights.tolist()) for model in models]
         beliefs = world.beliefs if scenario.bayesian_update else None
         if beliefs is not None and beliefs.begun[row]:

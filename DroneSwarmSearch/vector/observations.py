@@ -40,8 +40,11 @@ class BatchObservations:
         masks: bool | None = None,
     ) -> None:
         scenario = batch.scenario_of(0)
-        self._batch, self._joint, self._masks = batch, joint, masks
-        self._size, self._limit = scenario.grid_size, scenario.timestep_limit
+        self._batch = batch
+        self._joint = joint
+        self._masks = masks
+        self._size = scenario.grid_size
+        self._limit = scenario.timestep_limit
         self._each = 1 if joint else scenario.n_drones  # sub-environments in a swarm
         # The layout "dict" of swarms holds the matrices as they are.
         self._shows_matrices = joint and name == "dict"
@@ -71,8 +74,10 @@ class BatchObservations:
 
     def write(self, out: Observations, rows: Ints | None = None) -> None:
         """Write the observations of some swarms' sub-environments; of all by default."""
-        batch, which = self._batch, slice(None) if rows is None else rows
-        cells, positions = batch.cells[which], batch.positions[which]
+        batch = self._batch
+        which = slice(None) if rows is None else rows
+        cells = batch.cells[which]
+        positions = batch.positions[which]
         if self._masks is not None:
             masks = action_masks(cells, self._size, self._masks)
             out["action_mask"][...] = masks.reshape(out["action_mask"].shape)

@@ -87,7 +87,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
         self.batch = SearchBatch(swarms, **parameters)
         scenario = self.batch.scenario_of(0)
-        self._size, drones = scenario.grid_size, scenario.n_drones
+        self._size = scenario.grid_size
+        drones = scenario.n_drones
         self._display = Display(self._size, fps=self.metadata["render_fps"])
         self._each = 1 if self._joint else drones  # sub-environments in a swarm
         self.num_envs = swarms * self._each
@@ -130,7 +131,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     def _infos(self) -> Infos:
         """The infos of all sub-environments, without Gymnasium's masks such as "_Found"."""
-        batch, each = self.batch, self._each
+        batch = self.batch
+        each = self._each
         infos: Infos = {
             "Found": batch.found,
             "is_success": successes(batch.endings),
@@ -179,7 +181,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         known: dict[str, Any] = {}
         if options is not None:
             known = checks.known_options(options, ("reset_mask", *_OPTIONS), stacklevel=2)
-        rows, seeds = self._rows_of(known.get("reset_mask")), self._seeds_of(seed)
+        rows = self._rows_of(known.get("reset_mask"))
+        seeds = self._seeds_of(seed)
         chosen = [seeds[row] for row in rows.tolist()]
         self.batch.reset(chosen, rows, **{name: known.get(name) for name in _OPTIONS})
         if seeds[0] is not None:
@@ -206,7 +209,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             Exception: any error of a sampler. With autoreset in the same step, the step is
                 complete then, and a reset is needed.
         """
-        batch, given = self.batch, np.asarray(actions)
+        batch = self.batch
+        given = np.asarray(actions)
         if given.shape != self.action_space.shape:
             raise ValueError(
                 f"actions must have the shape {self.action_space.shape}, got {given.shape}"
@@ -318,7 +322,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
 
     def _final_infos(self, rows: Ints) -> Infos:
         """The final observations and infos of swarms whose episodes have ended."""
-        infos, final = self._masked_infos(rows), np.full(self.num_envs, None, object)
+        infos = self._masked_infos(rows)
+        final = np.full(self.num_envs, None, object)
         mask = infos["_step"].copy()
         observed = iterate(self.observation_space, self._observations.of_rows(rows))
         for env, observation in zip(mask.nonzero()[0].tolist(), observed, strict=True):

@@ -41,7 +41,8 @@ class Catalogue:
         old: Sequence[Scenario] = (),
         cells: Ints | None = None,
     ) -> None:
-        self.scenarios, self.choices = (*scenarios, *old), len(scenarios)
+        self.scenarios = (*scenarios, *old)
+        self.choices = len(scenarios)
         self.cells = cells
         self.forecasts, indices = forecasts_of(
             [model for scenario in self.scenarios for model in scenario.forecasts()],
@@ -72,8 +73,10 @@ class BatchState:
 
     def __init__(self, catalogue: Catalogue, rows: int, finds_last: bool) -> None:
         self._scenario = scenario = catalogue.scenarios[0]
-        self._size, self._persons = scenario.grid_size, len(catalogue.forecast_of)
-        self._is_rescue, self._finds_last = scenario.mission == "rescue", finds_last
+        self._size = scenario.grid_size
+        self._persons = len(catalogue.forecast_of)
+        self._is_rescue = scenario.mission == "rescue"
+        self._finds_last = finds_last
         self.catalogue = catalogue
         self.step = np.zeros(rows, np.int64)
         self.situation = np.zeros(rows, np.int64)
@@ -211,8 +214,10 @@ class BatchState:
         """The probability of one cell in the matrix of each of some rows: float32, (n,)."""
         if self._shown_beliefs is None:
             return self._forecast_at(rows, cells)
-        begun, values = self._shown_beliefs.begun[rows], np.empty(len(rows), np.float32)
-        here, counted = rows[begun], shown_persons(self.missing[:, rows[begun]])
+        begun = self._shown_beliefs.begun[rows]
+        values = np.empty(len(rows), np.float32)
+        here = rows[begun]
+        counted = shown_persons(self.missing[:, rows[begun]])
         values[begun] = self._shown_beliefs.probabilities(here, cells[begun], counted)
         values[~begun] = self._forecast_at(rows[~begun], cells[~begun])
         return values
@@ -229,7 +234,8 @@ class BatchState:
         if self._shown_beliefs is None:
             return self._forecasts(rows)
         begun = self._shown_beliefs.begun[rows]
-        here, counted = rows[begun], shown_persons(self.missing[:, rows[begun]])
+        here = rows[begun]
+        counted = shown_persons(self.missing[:, rows[begun]])
         out = np.empty((len(rows), self._size, self._size), np.float32)
         out[begun] = self._shown_beliefs.matrices(here, counted)
         out[~begun] = self._forecasts(rows[~begun])
@@ -248,7 +254,8 @@ class BatchState:
 
     def _forecasts(self, rows: Ints) -> Singles:
         """The matrices of some rows as forecasts without searches: float32, (n, N, N)."""
-        forecasts, entries = self.catalogue.forecasts, self._entries[:, rows]
+        forecasts = self.catalogue.forecasts
+        entries = self._entries[:, rows]
         if self._persons == 1:
             return forecasts.matrices(entries[0])
         counted = shown_persons(self.missing[:, rows])

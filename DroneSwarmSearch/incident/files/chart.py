@@ -31,7 +31,8 @@ PAGE = np.array([595.0, 842.0])
 SHEET = np.array([515.0, 470.0])  # the map
 LEFT = 50
 MAP_BOTTOM = 285
-TABLE_BOTTOM, TABLE_HEIGHT = 80, 105
+TABLE_BOTTOM = 80
+TABLE_HEIGHT = 105
 TEXT_BOTTOM = 24
 
 PER_SHEET = 6
@@ -422,7 +423,8 @@ def _draw_table(figure: Figure, plan: FlightPlan, drones: Sequence[int]) -> None
     columns = zip(heads, *rows, strict=True)
     longest = [max(map(len, [*head.splitlines(), *texts])) for head, *texts in columns]
     widths = np.array(longest) + 1.5
-    head_height, row_height = 0.18, 0.12
+    head_height = 0.18
+    row_height = 0.12
     box: Any = (0, 0.82 - row_height * len(rows), 1, head_height + row_height * len(rows))
     table = axes.table(
         rows,
