@@ -148,41 +148,49 @@ class SearchEnv(EnvBase):
         self.group_map = {GROUP: [f"drone{i}" for i in range(self.n_drones)]}
         self._shows_state = state
         self._set_seed(seed)
-        device = self.device
+        self._make_specs()
+
+    def _make_specs(self) -> None:
+        """Make the specs of observations, actions, rewards and flags."""
+        env = self.vector_env
         swarms = self.batch_size
-        drones = torch.Size([*self.batch_size, self.n_drones])
-
-        def of_group(specs: dict[str, TensorSpec]) -> Composite:
-            group = Composite(specs, shape=drones, device=device)
-            return Composite({GROUP: group}, shape=swarms, device=device)
-
-        def flags(shape: torch.Size) -> dict[str, TensorSpec]:
-            names = ("done", "terminated", "truncated")
-            return {name: Binary(shape=(*shape, 1), dtype=torch.bool) for name in names}
-
+        drones = torch.Size([*swarms, self.n_drones])
         masks = Binary(shape=(*drones, len(Action)), dtype=torch.bool)
         space = env.single_observation_space
         assert isinstance(space, spaces.Dict)
         layout = _spec(space["observation"], drones)
-        self.observation_spec = of_group({"observation": layout, "action_mask": masks})
-        infos: dict[str, TensorSpec] = {
-            name: Binary(shape=(*swarms, 1), dtype=torch.bool) for name in ("is_success", "Found")
-        }
-        infos["ending"] = Unbounded(shape=(*swarms, 1), dtype=torch.int8)
-        if env.batch.probability_of_success is not None:
-            infos["probability_of_success"] = Bounded(0.0, 1.0, (*swarms, 1), dtype=torch.float64)
-        self._info_names = tuple(infos)
-        self.observation_spec["info"] = Composite(infos, shape=swarms, device=device)
+        self.observation_spec = self._of_group({"observation": layout, "action_mask": masks})
+        self.observation_spec["info"] = self._info_spec()
         if self._shows_state:
             size = env.batch.scenario_of(0).grid_size
-            self.observation_spec["state"] = Unbounded((*swarms, 3, size, size), device=device)
-        self.action_spec = of_group({"action": Categorical(len(Action), drones)})
-        self.reward_spec = of_group({"reward": Unbounded((*drones, 1))})
+            shape = (*swarms, 3, size, size)
+            self.observation_spec["state"] = Unbounded(shape, device=self.device)
+        self.action_spec = self._of_group({"action": Categorical(len(Action), drones)})
+        self.reward_spec = self._of_group({"reward": Unbounded((*drones, 1))})
         self.done_spec = Composite(
-            {**flags(swarms), GROUP: Composite(flags(drones), shape=drones)},
+            {**_flags(swarms), GROUP: Composite(_flags(drones), shape=drones)},
             shape=swarms,
-            device=device,
+            device=self.device,
         )
+
+    def _of_group(self, specs: dict[str, TensorSpec]) -> Composite:
+        """Specs of what each drone has."""
+        drones = torch.Size([*self.batch_size, self.n_drones])
+        group = Composite(specs, shape=drones, device=self.device)
+        return Composite({GROUP: group}, shape=self.batch_size, device=self.device)
+
+    def _info_spec(self) -> Composite:
+        """The spec of the infos, whose names it keeps."""
+        shape = (*self.batch_size, 1)
+        infos: dict[str, TensorSpec] = {
+            "is_success": Binary(shape=shape, dtype=torch.bool),
+            "Found": Binary(shape=shape, dtype=torch.bool),
+            "ending": Unbounded(shape=shape, dtype=torch.int8),
+        }
+        if self.vector_env.batch.probability_of_success is not None:
+            infos["probability_of_success"] = Bounded(0.0, 1.0, shape, dtype=torch.float64)
+        self._info_names = tuple(infos)
+        return Composite(infos, shape=self.batch_size, device=self.device)
 
     def _set_seed(self, seed: int | None) -> None:
         swarms = self.batch_size[0]
@@ -228,6 +236,12 @@ class SearchEnv(EnvBase):
     def _by_drone(self, values: NDArray[Any]) -> torch.Tensor:
         """A tensor of shape (num_swarms, n_drones, 1)."""
         return torch.from_numpy(values).reshape(*self.batch_size, self.n_drones, 1)
+
+
+def _flags(shape: torch.Size) -> dict[str, TensorSpec]:
+    """The specs of the ends of episodes."""
+    names = ("done", "terminated", "truncated")
+    return {name: Binary(shape=(*shape, 1), dtype=torch.bool) for name in names}
 
 
 def _spec(space: spaces.Space[Any], shape: torch.Size) -> TensorSpec:

@@ -93,54 +93,81 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
     Warns if the file keeps times less precisely than a step, in seconds.
     """
     with opened(path) as data:
-        named = {
-            getattr(variable, "standard_name", USUAL.get(key, key)): variable
-            for key, variable in data.variables.items()
-        }
         try:
-            longitude, latitude, time = (named[key] for key in ("longitude", "latitude", "time"))
-            for variable in data.variables.values():
-                check_size(path, variable.name, variable.size)
-            (when,) = time.dimensions
-            across = longitude.dimensions.index(when)
-            seconds = since_1970(time[:], time)
-            if time.dtype.kind == "f":
-                last = np.abs(time[:]).max()
-                ends = np.array([last, last + np.spacing(last)], np.float64)
-                if (precision := np.diff(since_1970(ends, time))[0]) > step:
-                    warnings.warn(
-                        f"{path} keeps times as {time.dtype}, to {precision:.0f} s only, and a "
-                        f"step takes {step:g} s: save them as float64 or as integers",
-                        stacklevel=4,
-                    )
-            both = [values[:].astype(np.float64) for values in (longitude, latitude)]
-            filled = [np.ma.filled(values, np.nan) for values in both]
-            degrees: Floats = np.stack(filled).transpose(0, across + 1, 2 - across)
-            stranded = np.zeros(degrees.shape[2], np.bool_)
-            status: Any = data.variables.get("status")
-            meanings = getattr(status, "flag_meanings", "").split()
-            if "stranded" in meanings and status.dimensions == longitude.dimensions:
-                code = np.atleast_1d(status.flag_values)[meanings.index("stranded")]
-                stranded = np.any(np.ma.getdata(status[:]) == code, axis=across)
+            seconds, degrees, stranded = _variables(path, data, step)
         except TooLargeError:
             raise
         except (AttributeError, KeyError, RuntimeError, TypeError, ValueError):
-            got = ", ".join(f"{k}({', '.join(v.dimensions)})" for k, v in data.variables.items())
-            units = getattr(named.get("time"), "units", "no units")
-            raise ValueError(
-                f"{path} must have variables with the standard names longitude, latitude and time, "
-                "for many elements at common times of the usual calendar (time along one "
-                "dimension, the others along it and one for the elements; ragged arrays, with all "
-                f"elements along one, must be converted), got {got or 'none'}, times in {units}"
-            ) from None
-    if len(back := np.flatnonzero(np.diff(seconds) <= 0)):
+            raise ValueError(_refusal(path, data)) from None
+    back = np.flatnonzero(np.diff(seconds) <= 0)
+    if len(back):
         before, after = (_utc(second) for second in seconds[back[0] :][:2])
+        hint = ""
+        if len(back) == len(seconds) - 1:
+            hint = ": a simulation backward in time"
         raise ValueError(
             f"{path} must have times that increase, because tracks run forward, got {after} after "
-            f"{before}" + ": a simulation backward in time" * (len(back) == len(seconds) - 1)
+            f"{before}{hint}"
         )
     _check_degrees(path, degrees, seconds)
     return degrees, seconds, stranded
+
+
+def _named(data: Any) -> dict[str, Any]:
+    """The variables of a file by standard name, or by usual name."""
+    return {
+        getattr(variable, "standard_name", USUAL.get(key, key)): variable
+        for key, variable in data.variables.items()
+    }
+
+
+def _variables(path: Path, data: Any, step: float) -> tuple[Floats, Floats, Flags]:
+    """The times, longitudes and latitudes, and who strands; any error if they are not there."""
+    named = _named(data)
+    longitude = named["longitude"]
+    latitude = named["latitude"]
+    time = named["time"]
+    for variable in data.variables.values():
+        check_size(path, variable.name, variable.size)
+    (when,) = time.dimensions
+    across = longitude.dimensions.index(when)
+    if time.dtype.kind == "f":
+        _check_precision(path, time, step)
+    both = [values[:].astype(np.float64) for values in (longitude, latitude)]
+    filled = [np.ma.filled(values, np.nan) for values in both]
+    degrees: Floats = np.stack(filled).transpose(0, across + 1, 2 - across)
+    stranded = np.zeros(degrees.shape[2], np.bool_)
+    status: Any = data.variables.get("status")
+    meanings = getattr(status, "flag_meanings", "").split()
+    if "stranded" in meanings and status.dimensions == longitude.dimensions:
+        code = np.atleast_1d(status.flag_values)[meanings.index("stranded")]
+        stranded = np.any(np.ma.getdata(status[:]) == code, axis=across)
+    return since_1970(time[:], time), degrees, stranded
+
+
+def _check_precision(path: Path, time: Any, step: float) -> None:
+    """Warn if floats keep times less precisely than a step, in seconds."""
+    last = np.abs(time[:]).max()
+    ends = np.array([last, last + np.spacing(last)], np.float64)
+    precision = np.diff(since_1970(ends, time))[0]
+    if precision > step:
+        warnings.warn(
+            f"{path} keeps times as {time.dtype}, to {precision:.0f} s only, and a "
+            f"step takes {step:g} s: save them as float64 or as integers",
+            stacklevel=6,
+        )
+
+
+def _refusal(path: Path, data: Any) -> str:
+    """What a file must have, and what it has."""
+    got = ", ".join(f"{k}({', '.join(v.dimensions)})" for k, v in data.variables.items())
+    units = getattr(_named(data).get("time"), "units", "no units")
+    return (
+        f"{path} must have variables with the standard names longitude, latitude and time, for "
+        "many elements at common times of the usual calendar (time along one dimension, the "
+        "others along it and one for the elements; ragged arrays, with all elements along one, "
+        f"must be converted), got {got or 'none'}, times in {units}"
+    )
 
 
 def _check_degrees(path: Path, degrees: Floats, seconds: Floats) -> None:

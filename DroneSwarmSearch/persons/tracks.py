@@ -73,7 +73,8 @@ class Tracks:
             if not (is_valid and shares.min() >= 0.0 < shares.max()):
                 raise ValueError(f"weights must be {what}, got {weights!r:.100}")
             shares = shares / shares.max()
-            if not (positive := shares > 1e-300).all():  # others may become 0
+            positive = shares > 1e-300  # others may become 0
+            if not positive.all():
                 given = given[:, positive]
                 shares = shares[positive]
         given, self.stranded = _without_gaps(given)
@@ -105,8 +106,10 @@ class Tracks:
 
     def __repr__(self) -> str:
         text = f"{len(self):,} tracks, {self.steps} steps"
-        text += f", {self.stranded:,} stranded" * (self.stranded > 0)
-        text += f", {self.lost:,} lost and left out" * (self.lost > 0)
+        if self.stranded:
+            text += f", {self.stranded:,} stranded"
+        if self.lost:
+            text += f", {self.lost:,} lost and left out"
         low = self.positions.min(axis=(0, 1))
         high = self.positions.max(axis=(0, 1))
         if self.source and self.source.get("start"):
@@ -211,53 +214,42 @@ class Tracks:
             TypeError, ValueError: the file or an argument is unsuitable, or more than a tenth of
                 the elements are lost.
         """
-        arguments: dict[str, Any] = {}
-        if not Path(path).is_file():
+        file = Path(path)
+        if not file.is_file():
             raise FileNotFoundError(f"path must name a file, but there is no {str(path)!r}")
-        if Path(path).suffix == ".npz":
+        source: dict[str, Any] = {"file": str(path), "sha256": _digest(file)}
+        if file.suffix == ".npz":
             given = (scale, origin, cell, start, steps, diffusivity, seed)
             if given != (None, None, (0.0, 0.0), None, None, 0.0, 0):
                 raise ValueError(
                     "scale, origin, cell, start, steps, diffusivity and seed belong to NetCDF, "
                     f"but {path} is a file of Tracks.save, whose tracks are in cells"
                 )
-            tracks = _unpacked(Path(path))
-        else:
-            if not isinstance(scale, Scale):
-                raise TypeError(f"scale must be a Scale, got {scale!r}")
-            if start is not None and not (isinstance(start, datetime) and start.tzinfo):
-                error = ValueError if isinstance(start, datetime) else TypeError
-                raise error(f"start must be a datetime with a time zone, got {start!r}")
-            arguments = {
-                "origin": checks.pair("origin", origin, "(latitude, longitude) in degrees"),
-                "cell": checks.pair("cell", cell),
-                "start": start and start.isoformat(),
-                "steps": None if steps is None else checks.integer("steps", steps, 1),
-                "diffusivity": checks.real("diffusivity", diffusivity, 0),
-                "seed": checks.integer("seed", seed, 0),
-            }
-            positions, stranded, lost, released = track_files.positions(
-                Path(path), scale, **arguments
-            )
-            nearest = np.abs(positions - arguments["cell"]).max(axis=2).min()
-            if nearest > FARTHEST:
-                warnings.warn(
-                    f"no track of {path} comes within {nearest:.0f} cells of cell={cell}, the "
-                    f"position origin={origin}: are latitude and longitude exchanged, here or in "
-                    "the file?",
-                    stacklevel=2,
-                )
-            if released and start is None:
-                arguments["start"] = released.isoformat()
-            try:
-                tracks = cls(positions)
-            except ValueError as error:
-                raise ValueError(f"{path}: {error}") from None
-            tracks.stranded = stranded
-            tracks.lost = lost
-            arguments["scale"] = [scale.metres_per_cell, scale.seconds_per_step]
-        digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
-        tracks.source = {"file": str(path), "sha256": digest, **arguments}
+            tracks = _unpacked(file)
+            tracks.source = source
+            return tracks
+        if not isinstance(scale, Scale):
+            raise TypeError(f"scale must be a Scale, got {scale!r}")
+        arguments: dict[str, Any] = {
+            "origin": checks.pair("origin", origin, "(latitude, longitude) in degrees"),
+            "cell": checks.pair("cell", cell),
+            "start": _checked_start(start),
+            "steps": None if steps is None else checks.integer("steps", steps, 1),
+            "diffusivity": checks.real("diffusivity", diffusivity, 0),
+            "seed": checks.integer("seed", seed, 0),
+        }
+        positions, stranded, lost, released = track_files.positions(file, scale, **arguments)
+        _warn_if_far(path, positions, arguments["origin"], arguments["cell"])
+        if released and start is None:
+            arguments["start"] = released.isoformat()
+        try:
+            tracks = cls(positions)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+        tracks.stranded = stranded
+        tracks.lost = lost
+        size = [scale.metres_per_cell, scale.seconds_per_step]
+        tracks.source = {**source, **arguments, "scale": size}
         return tracks
 
     def to_dict(self) -> dict[str, Any]:
@@ -292,6 +284,34 @@ class Tracks:
         if tracks.to_dict()["sha256"] != digest:
             raise ValueError(f"{file} must be as it was when its SHA-256 was saved; it has changed")
         return tracks
+
+
+def _digest(path: Path) -> str:
+    """The SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _checked_start(start: object) -> str | None:
+    """A time as text; TypeError or ValueError unless it is a datetime with a zone, or None."""
+    if start is None:
+        return None
+    if not isinstance(start, datetime):
+        raise TypeError(f"start must be a datetime with a time zone, got {start!r}")
+    if start.tzinfo is None:
+        raise ValueError(f"start must be a datetime with a time zone, got {start!r}")
+    return start.isoformat()
+
+
+def _warn_if_far(path: str | Path, positions: Floats, origin: Any, cell: Any) -> None:
+    """Warn if no track comes near the given cell: its position is probably a mistake."""
+    nearest = np.abs(positions - cell).max(axis=2).min()
+    if nearest > FARTHEST:
+        warnings.warn(
+            f"no track of {path} comes within {nearest:.0f} cells of cell={cell}, the "
+            f"position origin={origin}: are latitude and longitude exchanged, here or in "
+            "the file?",
+            stacklevel=3,
+        )
 
 
 class TrackDrift(KnownDrift):

@@ -7,6 +7,7 @@ their order, see `VIEWS`, so that a network can score every direction in the sam
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -75,6 +76,28 @@ VIEWS = _views()
 drone observes that looks in direction `TURNS[k]`: x points straight ahead and y to its right."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Values:
+    """What each cell is worth to each drone, all (drones, N, N); drones of all searches in a row.
+
+    Attributes:
+        x, y: each drone's cell, (drones,).
+        distances: moves to the cell.
+        arrivals: the success of a search on arrival.
+        far: the same, times ``FAR`` to the power of the distance.
+        own: the same in the cells that no other drone is closer to, else 0.
+        waits: the discounted sum of the successes on arrival and later.
+    """
+
+    x: Integers
+    y: Integers
+    distances: Integers
+    arrivals: Singles
+    far: Singles
+    own: Singles
+    waits: Singles
+
+
 class Arrivals:
     """The inputs of all drones of several searches with one grid size and number of drones.
 
@@ -111,7 +134,8 @@ class Arrivals:
         self._offsets = np.abs(axis[:, None] - axis)
         self._cells = axis[:, None] * grid_size + axis
         exponents = np.arange(2 * grid_size)
-        self._discounts = [(factor**exponents).astype(np.float32) for factor in (NEAR, FAR)]
+        self._near = (NEAR**exponents).astype(np.float32)  # by distance
+        self._far = (FAR**exponents).astype(np.float32)
         # [drone's coordinate, cell's coordinate]: whether the cell is on that side.
         self._higher = axis > axis[:, None]
         self._lower = axis < axis[:, None]
@@ -142,72 +166,121 @@ class Arrivals:
             headings: every drone's latest move, an `Action`, or any other before the first;
                 shape (searches, n).
         """
-        searches = len(ahead)
-        n = self.n_drones
-        size = self.grid_size
-        out = np.empty((searches, n, INPUTS), np.float32)
-        flat = out.reshape(-1, INPUTS)
         # The best cell now is 1; without a possible success, all cells are.
         highest = ahead[:, 0].max(axis=(1, 2))[:, None, None, None]
         relative = ahead / np.where(highest > 0.0, highest, 1.0)
         ahead = np.where(highest > 0.0, relative, 1.0).astype(np.float32)
-        fraction = (remaining / limit).astype(np.float32)
-        self._crops.write(positions, ahead[:, 0], fraction, out[..., :LENGTH])
-        out[..., LENGTH - 1] = 0.0
 
+        out = np.empty((len(ahead), self.n_drones, INPUTS), np.float32)
+        self._write_crops(out, ahead, positions, remaining / limit)
+        values = self._values(ahead, positions, remaining)
+        self._write_windows(out, values)
+        best = self._write_scores(out, values)
+        self._write_surroundings(out, ahead, positions, headings)
+        self._write_globals(out, ahead, remaining, detections)
+        highest_on_arrival = np.maximum(values.arrivals.max(axis=(1, 2)), TINY)
+        discount = best.max(axis=1) / highest_on_arrival
+        out[..., -1] = discount.reshape(out.shape[:2])
+        return out
+
+    def _write_crops(
+        self, out: Singles, ahead: Singles, positions: Integers, left: NDArray[np.floating]
+    ) -> None:
+        """Write the layout "crops" of the success of searches now."""
+        crops = out[..., :LENGTH]
+        self._crops.write(positions, ahead[:, 0], left.astype(np.float32), crops)
+        crops[..., -1] = 0.0
+
+    def _values(self, ahead: Singles, positions: Integers, remaining: Integers) -> _Values:
+        """What each cell is worth to each drone."""
         x, y = positions.reshape(-1, 2).T
         distances = self._offsets[y][:, :, None] + self._offsets[x][:, None, :]
-        too_far = distances >= remaining.repeat(n)[:, None, None]
-        later = ahead * self._discounts[1][: ahead.shape[1], None, None]
+        later = ahead * self._far[: ahead.shape[1], None, None]
         for step in reversed(range(ahead.shape[1] - 1)):
             later[:, step] += later[:, step + 1]
-        arrivals, waits = (self._on_arrival(values, distances) for values in (ahead, later))
-        arrivals[too_far] = waits[too_far] = 0.0
-        far = arrivals * self._discounts[1].take(distances)
-        by_search = distances.reshape(searches, n, size, size)
-        closest = by_search == by_search.min(axis=1, keepdims=True)
-        own = far * closest.reshape(distances.shape)
-        sums = [self._on_each_side(values, x, y, np.sum) for values in (far, own)]
-        for place, values in enumerate((far, own, waits)):
-            first = LENGTH + place * _BOXES
+        arrivals = self._on_arrival(ahead, distances)
+        waits = self._on_arrival(later, distances)
+        too_far = distances >= remaining.repeat(self.n_drones)[:, None, None]
+        arrivals[too_far] = 0.0
+        waits[too_far] = 0.0
+        far = arrivals * self._far.take(distances)
+        by_search = distances.reshape(len(ahead), self.n_drones, *distances.shape[1:])
+        is_closest = by_search == by_search.min(axis=1, keepdims=True)
+        return _Values(
+            x=x,
+            y=y,
+            distances=distances,
+            arrivals=arrivals,
+            far=far,
+            own=far * is_closest.reshape(distances.shape),
+            waits=waits,
+        )
+
+    def _write_windows(self, out: Singles, values: _Values) -> None:
+        """Write the windows of what is best far away, of the drone's own cells, and for waiting."""
+        flat = out.reshape(-1, INPUTS)
+        positions = np.stack([values.x, values.y], 1)[:, None]
+        for number, shown in enumerate((values.far, values.own, values.waits)):
+            first = LENGTH + number * _BOXES
             windows = flat[:, None, first : first + _BOXES]
-            self._windows.write_windows(np.stack([x, y], 1)[:, None], values, windows)
+            self._windows.write_windows(positions, shown, windows)
 
-        near = worthwhile(arrivals, WORTHWHILE_ON_ARRIVAL) * self._discounts[0].take(distances)
-        claims = claimed_in_turn(near.reshape(searches, n, -1))
-        self._take_off(claims, near, far)
-        best = [self._on_each_side(values, x, y, np.max) for values in (near, far)]
-        sums.append(self._on_each_side(waits, x, y, np.max))
-        scores = flat[:, _SCORES:_DRIFT].reshape(-1, _GROUPS, 5)
-        for place, values in enumerate((*best, *sums)):
-            relative = values / np.maximum(values.max(axis=1, keepdims=True), TINY)
-            scores[:, place] = np.log(np.maximum(relative, np.float32(LEAST))) / 2
-        down = claims.reshape(-1) // size - y
-        right = claims.reshape(-1) % size - x
+    def _write_scores(self, out: Singles, values: _Values) -> Singles:
+        """Write the scores of the directions; returns those of the best cell, (drones, 5)."""
+        x = values.x
+        y = values.y
+        searches = len(out)
+        # The sums come first, because claims then lower what is far.
+        sum_of_far = self._on_each_side(values.far, x, y, np.sum)
+        sum_of_own = self._on_each_side(values.own, x, y, np.sum)
+        targets = worthwhile(values.arrivals, WORTHWHILE_ON_ARRIVAL)
+        near = targets * self._near.take(values.distances)
+        claims = claimed_in_turn(near.reshape(searches, self.n_drones, -1))
+        self._take_off(claims, near, values.far)
+        best_target = self._on_each_side(near, x, y, np.max)
+        best_cell = self._on_each_side(values.far, x, y, np.max)
+        best_wait = self._on_each_side(values.waits, x, y, np.max)
+        groups = (best_target, best_cell, sum_of_far, sum_of_own, best_wait)
+
+        scores = out.reshape(-1, INPUTS)[:, _SCORES:_DRIFT].reshape(-1, _GROUPS, 5)
+        for number, group in enumerate(groups):
+            relative = group / np.maximum(group.max(axis=1, keepdims=True), TINY)
+            scores[:, number] = np.log(np.maximum(relative, np.float32(LEAST))) / 2
+        row, column = np.divmod(claims.reshape(-1), self.grid_size)
+        down = row - y
+        right = column - x
         scores[:, -1, :4] = np.stack([right, down, -right, -down], 1) > 0
-        scores[:, -1, 4] = moves_between(right, down) / np.float32(size)
+        scores[:, -1, 4] = moves_between(right, down) / np.float32(self.grid_size)
+        return best_cell
 
+    def _write_surroundings(
+        self, out: Singles, ahead: Singles, positions: Integers, headings: Integers
+    ) -> None:
+        """Write the drift, the distances from the border, and the latest moves, by direction."""
         drift_x, drift_y = self._drift(ahead)
         drift = np.stack([drift_x, drift_y, -drift_x, -drift_y], 1)
         out[..., _DRIFT:_BORDER] = drift.clip(0.0)[:, None]
-        border = np.stack([size - 1 - x, size - 1 - y, x, y], 1)
-        flat[:, _BORDER:_HEADING] = border.clip(0, NEAR_BORDER) / NEAR_BORDER
-
+        x = positions[..., 0]
+        y = positions[..., 1]
+        last = self.grid_size - 1
+        border = np.stack([last - x, last - y, x, y], -1)
+        out[..., _BORDER:_HEADING] = border.clip(0, NEAR_BORDER) / NEAR_BORDER
         out[..., _HEADING:_GLOBALS] = headings[..., None] == np.array(TURNS)
 
-        now = ahead[:, 0].reshape(searches, -1)
+    def _write_globals(
+        self, out: Singles, ahead: Singles, remaining: Integers, detections: NDArray[np.floating]
+    ) -> None:
+        """Write what all drones of a search have in common."""
+        now = ahead[:, 0].reshape(len(ahead), -1)
         squares = np.maximum(np.square(now).sum(axis=1), TINY)
         area = np.maximum(now.sum(axis=1) ** 2 / squares, 1.0)  # of as many equal cells
-        effort = n * remaining * np.maximum(detections, 0.01)
+        effort = self.n_drones * remaining * np.maximum(detections, 0.01)
         common = out[..., _GLOBALS:]
         common[..., 0] = (np.log(remaining) / 4)[:, None]
         common[..., 1] = detections[:, None]
-        common[..., 2] = np.log(n) / 3
+        common[..., 2] = np.log(self.n_drones) / 3
         common[..., 3] = (np.log(area) / 4)[:, None]
         common[..., 4] = (np.log(area / effort) / 4)[:, None]
-        highest = np.maximum(arrivals.max(axis=(1, 2)), TINY)
-        common[..., 5] = (best[1].max(axis=1) / highest).reshape(searches, n)
-        return out
 
     def _on_arrival(self, ahead: Singles, distances: Integers) -> Singles:
         """Each cell's value in `ahead` when each drone arrives: float32, shape (drones, N, N)."""
@@ -244,13 +317,14 @@ class Arrivals:
     def _drift(self, ahead: Singles) -> tuple[Singles, Singles]:
         """The mean drift over the next steps along x and y, in cells per step: (searches,)."""
         last = min(4, ahead.shape[1] - 1)
-        now = ahead[:, 0]
-        later = ahead[:, last]
-        before, after = (
-            [
-                part.sum(axis=axis) @ self._axis / np.maximum(part.sum(axis=(1, 2)), TINY)
-                for axis in (1, 2)
-            ]
-            for part in (now, later)
-        )
-        return (after[0] - before[0]) / max(last, 1), (after[1] - before[1]) / max(last, 1)
+        x_before, y_before = self._mean_cell(ahead[:, 0])
+        x_after, y_after = self._mean_cell(ahead[:, last])
+        steps = max(last, 1)
+        return (x_after - x_before) / steps, (y_after - y_before) / steps
+
+    def _mean_cell(self, maps: Singles) -> tuple[Singles, Singles]:
+        """The mean x and y of maps, (searches, N, N): each (searches,)."""
+        total = np.maximum(maps.sum(axis=(1, 2)), TINY)
+        x: Singles = maps.sum(axis=1) @ self._axis / total
+        y: Singles = maps.sum(axis=2) @ self._axis / total
+        return x, y

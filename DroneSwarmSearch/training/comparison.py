@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -50,52 +51,84 @@ def compare_with_baselines(
     Raises:
         ImportError: `folder` is given, and the package of the extra "video" is missing.
     """
-    judge: Callable[..., Evaluation]
-    if isinstance(parameters, Task):
-        searches = parameters.held_out()
-        search = searches[0]
-        judge = parameters.evaluate
-        baselines = ("random", "greedy-matrix")
-        protocol = f"Means over the {plural(len(searches), 'held-out search', 'es')}"
-    else:
-        given = dict(parameters)
-        drones = given.pop("drones_positions", ())
-        reason = f"An episode that {name} has not trained on."
-        search = NamedSearch("task", reason, resolve_scenario(**given), drones)
-        judge = partial(evaluate, search=search, episodes=episodes, seed=SEED)
-        protocol = f"{episodes:,} episodes, the same for all policies"
-    print(f"Comparing {name} with {', '.join(baselines)}", flush=True)
-    trained = judge(policy, view=view, name=name)
+    protocol = _Protocol.of(parameters, baselines, name, episodes)
+    print(f"Comparing {name} with {', '.join(protocol.baselines)}", flush=True)
+    trained = protocol.judge(policy, view=view, name=name)
     every = [trained]
-    with progress("comparison", len(baselines)) as bar:
-        for number, baseline in enumerate(baselines, 1):
-            every.append(judge(baseline))
-            bar(number)
-    rows = []
-    for result in every:
-        crashes = result.endings[Ending.COLLISION] + result.endings[Ending.LEFT_GRID]
-        lead = ["", ""]
-        if result is not trained:
-            success = compare(trained, result).success.scaled(100.0)
-            lead = [signed(success), signed(compare(result, trained).time)]
-        share = crashes / len(result.episodes)
-        figures = percent(result.success), figure(result.time), f"{100 * share:.1f}"
-        rows.append([result.policy, *figures, *lead])
-    headers = ["success, %", "time, steps", "crashes, %", "lead, points", "lead, steps"]
-    print_table(["policy", *headers], rows, words=1)
+    with progress("comparison", len(protocol.baselines)) as on_progress:
+        for number, baseline in enumerate(protocol.baselines, 1):
+            every.append(protocol.judge(baseline))
+            on_progress(number)
+    _print_comparison(trained, every)
     print(
-        f"\n{protocol}; 95% intervals in parentheses;\nsuccess and time without one are exact.\n"
+        f"\n{protocol.words}; 95% intervals in parentheses;\nsuccess and time without one are "
+        "exact.\n"
         "Success: all persons found within the limit. Time: until then, or the limit.\n"
         "Crashes: episodes that end with a collision or with a drone off the grid.\n"
         f"Lead of {name} over each baseline, in percentage points and in steps."
     )
     if folder is not None:
         save_csv(Path(folder) / "evaluation.csv", every)
-        search.save(file := Path(folder) / "search.json")
+        file = Path(folder) / "search.json"
+        protocol.search.save(file)
         video = Path(folder) / "video.gif"
         print(f"\nRecording an episode as {video}", flush=True)
-        record(policy, search, video, view=view, name=name)
+        record(policy, protocol.search, video, view=view, name=name)
         print(f"{video} shows the policy.")
         if isinstance(policy, str):
             print(f"To watch it: python -m DroneSwarmSearch play {file} --policy {policy}")
     return every
+
+
+@dataclass(frozen=True)
+class _Protocol:
+    """How policies are compared.
+
+    Attributes:
+        search: the search that a film shows.
+        judge: evaluates a policy, with the arguments `view` and `name` of `evaluate`.
+        baselines: names of policies of the package.
+        words: what is evaluated.
+    """
+
+    search: NamedSearch
+    judge: Callable[..., Evaluation]
+    baselines: Sequence[str]
+    words: str
+
+    @classmethod
+    def of(
+        cls,
+        parameters: Mapping[str, Any] | Task,
+        baselines: Sequence[str],
+        name: str,
+        episodes: int,
+    ) -> _Protocol:
+        """From the arguments of `compare_with_baselines`."""
+        if isinstance(parameters, Task):
+            searches = parameters.held_out()
+            words = f"Means over the {plural(len(searches), 'held-out search', 'es')}"
+            return cls(searches[0], parameters.evaluate, ("random", "greedy-matrix"), words)
+        given = dict(parameters)
+        drones = given.pop("drones_positions", ())
+        reason = f"An episode that {name} has not trained on."
+        search = NamedSearch("task", reason, resolve_scenario(**given), drones)
+        judge = partial(evaluate, search=search, episodes=episodes, seed=SEED)
+        words = f"{episodes:,} episodes, the same for all policies"
+        return cls(search, judge, baselines, words)
+
+
+def _print_comparison(trained: Evaluation, every: Sequence[Evaluation]) -> None:
+    """Print a row for each policy, with the lead of the trained one."""
+    rows = []
+    for result in every:
+        crashes = result.endings[Ending.COLLISION] + result.endings[Ending.LEFT_GRID]
+        share = crashes / len(result.episodes)
+        lead = ["", ""]
+        if result is not trained:
+            success = compare(trained, result).success.scaled(100.0)
+            lead = [signed(success), signed(compare(result, trained).time)]
+        figures = [percent(result.success), figure(result.time), f"{100 * share:.1f}"]
+        rows.append([result.policy, *figures, *lead])
+    headers = ["success, %", "time, steps", "crashes, %", "lead, points", "lead, steps"]
+    print_table(["policy", *headers], rows, words=1)

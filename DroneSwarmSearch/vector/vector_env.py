@@ -70,6 +70,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
     ) -> None:
         self._check_names(parameters)
         swarms = checks.integer(self._count_name, num_swarms, 1)
+        copies = checks.boolean("copy", copy)
         checks.choice("observation", observation, tuple(LAYOUTS))
         checks.integer("top_cells", top_cells, 1)
         if top_cells != TOP_CELLS and observation != "top-cells":
@@ -88,9 +89,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.batch = SearchBatch(swarms, **parameters)
         scenario = self.batch.scenario_of(0)
         self._size = scenario.grid_size
-        drones = scenario.n_drones
         self._display = Display(self._size, fps=self.metadata["render_fps"])
-        self._each = 1 if self._joint else drones  # sub-environments in a swarm
+        self._each = 1 if self._joint else scenario.n_drones  # sub-environments in a swarm
         self.num_envs = swarms * self._each
         masks = self.right_of_way if self._mask == "observation" else None
         self._observations = BatchObservations(
@@ -100,19 +100,20 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             top_cells=top_cells,
             masks=masks,
         )
-        self.single_observation_space = self._observations.space
-        self.single_action_space = (
-            spaces.MultiDiscrete([len(Action)] * drones)
-            if self._joint
-            else spaces.Discrete(len(Action))
-        )
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
-        copies = checks.boolean("copy", copy)
+        self._make_spaces(scenario.n_drones)
         self._reused = None if copies else self._observations.empty(swarms)
         # Once a large block has been freed, glibc keeps what steps free, instead of returning it
         # to the system: with 64 searches and crops, a step takes a third less time.
         np.empty(2**24, np.uint8)
+
+    def _make_spaces(self, n_drones: int) -> None:
+        """Make the spaces of a sub-environment and of all together."""
+        self.single_observation_space = self._observations.space
+        self.single_action_space = spaces.Discrete(len(Action))
+        if self._joint:
+            self.single_action_space = spaces.MultiDiscrete([len(Action)] * n_drones)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
 
     @classmethod
     def _check_names(cls, parameters: Mapping[str, Any]) -> None:
@@ -140,7 +141,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
             "ending": batch.endings.copy(),
             "step": batch.steps,
         }
-        if (success := batch.probability_of_success) is not None:
+        success = batch.probability_of_success
+        if success is not None:
             infos["probability_of_success"] = success
         if not self._joint:
             infos = {name: values.repeat(each, axis=0) for name, values in infos.items()}
@@ -218,12 +220,14 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         in_next_step = self._mode is AutoresetMode.NEXT_STEP
         batch.step(given.reshape(batch.cells.shape), autoreset=in_next_step)
         final: Infos = {}
-        if self._mode is AutoresetMode.SAME_STEP and (ended := batch.ended.nonzero()[0]).size:
+        ended = batch.ended.nonzero()[0]
+        if self._mode is AutoresetMode.SAME_STEP and ended.size:
             final = self._final_infos(ended)
             of_step = batch.rewards, batch.endings
             batch.reset(rows=ended)
             batch.rewards, batch.endings = of_step
-        rewards, terminated, truncated = self._rewards(), *self._flags()
+        rewards = self._rewards()
+        terminated, truncated = self._flags()
         infos = {**self._masked_infos(), **final}
         return self._observed(), rewards, terminated, truncated, infos
 
