@@ -242,7 +242,15 @@ class DroneSwarmSearch(SearchSpaces):
         if self.render_mode == "human":
             self._display.show(self.frame())
         facts = (None, self._world.missing, self._world.persons, 0, self._world.success)
-        return Start(observe(self._names, cells, self._grid.positions, self._matrix, False, facts))
+        observed = observe(
+            self._names,
+            cells,
+            self._grid.positions,
+            self._matrix,
+            found=False,
+            facts=facts,
+        )
+        return Start(observed)
 
     def _resolved(self, given: dict[str, Any]) -> tuple[Scenario, Scenario, list[int]]:
         """The parameters of all later episodes and of this one, and the drones' cells."""
@@ -302,8 +310,8 @@ class DroneSwarmSearch(SearchSpaces):
             drones.cells,
             self._grid.positions,
             self._matrix,
-            bool(drones.finders),
-            facts,
+            found=bool(drones.finders),
+            facts=facts,
         )
         return observations, Rewards(rewards), flags.copy(), flags.copy(), infos
 

@@ -36,7 +36,9 @@ BEGIN = "<!-- table: python benchmarks/algorithms.py report -->\n"
 END = "<!-- /table -->\n"
 ALGORITHMS = ("ippo", "mappo", "iql", "vdn", "qmix")
 BASELINES = ("random", "greedy-matrix", "greedy-posterior", "imitation", "planner")
-STEPS, PLANNING = 400_000, 1.0  # of a training; seconds of work for a plan
+# of a training; seconds of work for a plan
+STEPS = 400_000
+PLANNING = 1.0
 KEY = ("algorithm", "task", "seed")
 POINTS = 40  # of a curve
 
@@ -117,7 +119,8 @@ def known(name: str, search: NamedSearch, seconds: float | None) -> float:
 
 def interquartile_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The mean of the middle half along the last axis; of fewer than four values, of them all."""
-    cut, count = values.shape[-1] // 4, values.shape[-1]
+    cut = values.shape[-1] // 4
+    count = values.shape[-1]
     middle: NDArray[np.float64] = np.sort(values, axis=-1)[..., cut : count - cut].mean(axis=-1)
     return middle
 
@@ -142,7 +145,8 @@ def cell(strata: list[NDArray[np.float64]]) -> str:
 
 def table() -> str:
     """The table of the page in Markdown: a row for each policy."""
-    rows, names = rows_of(RESULTS), list(TASKS)
+    rows = rows_of(RESULTS)
+    names = list(TASKS)
 
     def column(policy: str, task: str, name: str = "success") -> NDArray[np.float64]:
         mine = [row[name] for row in rows if (row["algorithm"], row["task"]) == (policy, task)]

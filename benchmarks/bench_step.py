@@ -37,7 +37,8 @@ from DroneSwarmSearch import DroneSwarmSearch
 from DroneSwarmSearch.wrappers import ActionMask, FlatObservation, ScaledRewards
 
 SIZES = ((7, 1), (20, 1), (20, 4), (50, 11), (100, 25))
-SEARCH, IDLE = 4, 5
+SEARCH = 4
+IDLE = 5
 
 
 def floor(grid_size: int, n: int) -> Callable[[int], object]:
@@ -45,7 +46,8 @@ def floor(grid_size: int, n: int) -> Callable[[int], object]:
     names = [f"drone{i}" for i in range(n)]
     positions = spread_cells(grid_size, n)
     matrix = np.zeros((grid_size, grid_size), np.float32)
-    ones, no = dict.fromkeys(names, 1.0), dict.fromkeys(names, False)
+    ones = dict.fromkeys(names, 1.0)
+    no = dict.fromkeys(names, False)
 
     def step() -> tuple[dict[str, Any], ...]:
         observations = {

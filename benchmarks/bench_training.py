@@ -86,8 +86,11 @@ def network_only(num_swarms: int, n_drones: int) -> Run:
 
 def own_loop(num_swarms: int, n_drones: int) -> Run:
     """The example's loop."""
-    example.GRID_SIZE, example.DRONES, example.SWARMS = GRID_SIZE, n_drones, num_swarms
-    agent, envs = example.Agent(), example.make_envs(num_swarms)
+    example.GRID_SIZE = GRID_SIZE
+    example.DRONES = n_drones
+    example.SWARMS = num_swarms
+    agent = example.Agent()
+    envs = example.make_envs(num_swarms)
     optimizer = torch.optim.Adam(agent.parameters(), fused=True)
     data: dict[str, torch.Tensor] = {}
     observations, _ = envs.reset(seed=0)

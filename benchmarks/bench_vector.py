@@ -59,10 +59,14 @@ GROUPS: dict[str, tuple[Ratio, ...]] = {
 
 SIZES = [Size(7, 1), Size(20, 4), Size(50, 11)]
 COUNTS = [1, 8, 64, 1024, 8192]
-ROUNDS, SECONDS = 9, 0.2
+ROUNDS = 9
+SECONDS = 0.2
 SHORT: dict[str, Any] = {"num_envs": [1, 8], "rounds": 3, "seconds": 0.002}
-WARM_UP, SHORT_WARM_UP = cases.TIMESTEP_LIMIT, 5
-MEMORY_SIZE, MEMORY_SEARCHES, MEMORY_STEPS = Size(20, 4), 100_000, (100, 300)
+WARM_UP = cases.TIMESTEP_LIMIT
+SHORT_WARM_UP = 5
+MEMORY_SIZE = Size(20, 4)
+MEMORY_SEARCHES = 100_000
+MEMORY_STEPS = (100, 300)
 
 
 def measure(size: Size, ratios: Sequence[Ratio], options: argparse.Namespace) -> dict[str, Any]:

@@ -30,8 +30,10 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Cell = tuple[int, int]
 
-SIZE, START = 40, (20, 20)
-EPISODES, STEPS = 10_000, 60
+SIZE = 40
+START = (20, 20)
+EPISODES = 10_000
+STEPS = 60
 DRIFTS = ((0.0, 0.0), (0.5, 0.5), (0.3, -0.2), (1.0, 1.0))
 CONSTANTS = (3.0, 10.0)
 COLUMNS = ("package", "drift_x", "drift_y", "constant", "step", "episodes", "distance", "floor")
@@ -206,7 +208,8 @@ def measure(name: str, episodes: int, steps: int) -> list[dict[str, Any]]:
         constant = "" if setting.constant is None else setting.constant
         shown = []
         for step in range(steps + 1):
-            distance, lowest = f"{measured[step]:.4f}", f"{floor(seen.matrix[step], episodes):.4f}"
+            distance = f"{measured[step]:.4f}"
+            lowest = f"{floor(seen.matrix[step], episodes):.4f}"
             values = (name, *setting.drift, constant, step, episodes, distance, lowest)
             rows.append(dict(zip(COLUMNS, values, strict=True)))
             shown += [f"{distance} ({lowest})"] if step in PRINTED_STEPS else []

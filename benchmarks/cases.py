@@ -160,7 +160,8 @@ def situations(hypotheses: int, count: int, posterior: bool = False) -> Callable
     """A batch of persons with uncertain starts and drifts, each in one of some situations."""
 
     def make(size: Size, num_envs: int) -> Run:
-        rng, middle = np.random.default_rng(2), size.grid_size / 2
+        rng = np.random.default_rng(2)
+        middle = size.grid_size / 2
         drifts = [
             Drift(
                 rng.normal(middle, size.grid_size / 10, 2),

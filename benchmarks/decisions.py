@@ -28,7 +28,8 @@ from DroneSwarmSearch.policies import POLICIES
 def measure(name: str, search: NamedSearch) -> tuple[float, float]:
     """The seconds for a decision, and for all decisions of the longest step."""
     search = replace(search, scenario=search.scenario.replace(mission="coverage"))
-    spec, took = PolicySpec.of(name), []
+    spec = PolicySpec.of(name)
+    took = []
     view = view_of(spec, search, None)
     search = search.with_posterior(view.bayesian_update)
     policy = spec.make(search.scenario)

@@ -50,11 +50,15 @@ def draw_person(rng: np.random.Generator, size: int, speed: float, detection: fl
 
 def draw_search(rng: np.random.Generator, family: str, number: int) -> NamedSearch:
     """A search of a family; drones start in a row or anywhere."""
-    size, n_drones = int(rng.integers(15, 41)), int(rng.integers(1, 9))
-    speed, detection = float(rng.uniform(0.0, 0.6)), float(rng.choice([0.6, 0.8, 1.0]))
-    persons, limit = 1, int(rng.integers(2 * size, 4 * size))
+    size = int(rng.integers(15, 41))
+    n_drones = int(rng.integers(1, 9))
+    speed = float(rng.uniform(0.0, 0.6))
+    detection = float(rng.choice([0.6, 0.8, 1.0]))
+    persons = 1
+    limit = int(rng.integers(2 * size, 4 * size))
     if family == "swarms":
-        size, n_drones = int(rng.integers(30, 51)), int(rng.integers(9, 17))
+        size = int(rng.integers(30, 51))
+        n_drones = int(rng.integers(9, 17))
         limit = int(rng.integers(size, 2 * size))
     elif family == "low-detection":
         detection = 0.4
@@ -63,7 +67,8 @@ def draw_search(rng: np.random.Generator, family: str, number: int) -> NamedSear
     elif family == "two-persons":
         persons = 2
     elif family == "long":
-        size, n_drones = int(rng.integers(30, 46)), int(rng.integers(1, 4))
+        size = int(rng.integers(30, 46))
+        n_drones = int(rng.integers(1, 4))
         limit = int(rng.integers(200, 501))
     scenario = Scenario(
         grid_size=size,

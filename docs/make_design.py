@@ -10,7 +10,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "design.md"
-BEGIN, END = "<!-- package: python docs/make_design.py -->\n```\n", "```\n<!-- /package -->\n"
+BEGIN = "<!-- package: python docs/make_design.py -->\n```\n"
+END = "```\n<!-- /package -->\n"
 
 # The rooms, each of which imports only those above it.
 ROOMS = [

@@ -142,7 +142,8 @@ DECIMALS = re.compile(rb"(\.\d\d)\d+")  # of a number, the first two
 
 PRINTED = {"benchmark": ("png", "pdf")}  # further kinds of files, for papers and slides
 
-FULL, SHORT = Sampling(4000), Sampling(50)
+FULL = Sampling(4000)
+SHORT = Sampling(50)
 
 Drawing = Callable[[Theme, Sampling], Figure]
 REGISTRY: dict[str, Drawing] = {}
@@ -248,7 +249,8 @@ def known(start: tuple[int, int], vector: tuple[float, float], constant: float =
 @figure("gaussian")
 def gaussian(theme: Theme, sampling: Sampling) -> Figure:
     """Draw the matrix at several steps, with the path of its centre."""
-    (x, y), (u, v) = (8, 10), (0.5, 0.25)
+    x, y = (8, 10)
+    u, v = (0.5, 0.25)
     forecast = ProbabilityMatrix(40, known((x, y), (u, v)))
     chart = Figure(figsize=(WIDTH, 6.1), layout="constrained")
     panels = chart.subplots(2, 2, sharex=True, sharey=True)
@@ -420,11 +422,13 @@ def moves_of_forecast(forecast: ProbabilityMatrix, step: int) -> Moves:
 
 def moves_with_a_quarter(forecast: ProbabilityMatrix, step: int) -> Moves:
     """Return moves with the same forecasts but an exchange of a quarter of what stays."""
-    before, after = marginal_cdf(forecast, step), marginal_cdf(forecast, step + 1)
+    before = marginal_cdf(forecast, step)
+    after = marginal_cdf(forecast, step + 1)
     probability = np.diff(before, prepend=0.0)
     net = before - after
     net[-1] = 0.0
-    right, left = np.maximum(net, 0.0), np.append(0.0, np.maximum(-net, 0.0)[:-1])
+    right = np.maximum(net, 0.0)
+    left = np.append(0.0, np.maximum(-net, 0.0)[:-1])
     stay = probability - right - left
     exchange = np.minimum(stay[:-1], stay[1:]) / 4
     right[:-1] += exchange
@@ -527,8 +531,11 @@ def miss(detection: float) -> Miss:
         observations, _ = env.reset(seed=seed, drones_positions=START_CELLS)
         policy.reset()
         forecast = env.scenario.forecasts()[0]
-        belief, chosen, kept = Belief(forecast, detection, forecast.joint(0)), [], []
-        positions, matrices = [env.frame().drones], [env.frame().matrix]
+        belief = Belief(forecast, detection, forecast.joint(0))
+        chosen = []
+        kept = []
+        positions = [env.frame().drones]
+        matrices = [env.frame().matrix]
         for step in range(SCENE["timestep_limit"]):
             actions = policy(observations)
             chosen.append(list(actions.values()))
@@ -537,7 +544,8 @@ def miss(detection: float) -> Miss:
                 for (x, y), action in zip(positions[-1], chosen[-1], strict=True)
                 if action == Action.SEARCH
             ]
-            before, belief = belief.failure, belief.after_search(searched)
+            before = belief.failure
+            belief = belief.after_search(searched)
             kept.append(belief.failure / before)
             belief = belief.after_drift(step)
             observations, *_ = env.step(actions)
@@ -744,7 +752,8 @@ def incident(theme: Theme, sampling: Sampling) -> Figure:
     times = plan.on_scene, plan.landed
     for axes, time in zip(maps, times, strict=True):
         matrix, low, high = plan.density(time)
-        (left, bottom), (right, top) = (low - known) / 1000, (high - known) / 1000
+        left, bottom = (low - known) / 1000
+        right, top = (high - known) / 1000
         heat_map(axes, matrix, theme)
         axes.images[0].set_extent((left, right, bottom, top))
         axes.plot(0, 0, "+", color=theme.ink, markersize=8, markeredgewidth=1.6)
@@ -794,7 +803,8 @@ def results(theme: Theme, sampling: Sampling) -> Figure:
     chart = Figure(figsize=(WIDTH, 3.7), layout="constrained")
     axes = chart.subplots()
     for place, name in enumerate(order):
-        colour, values = colours[methods[name]], found[name]
+        colour = colours[methods[name]]
+        values = found[name]
         axes.barh(place, means[name], height=0.62, color=colour, alpha=0.25, linewidth=0)
         axes.plot((means[name],) * 2, (place - 0.31, place + 0.31), color=colour, linewidth=2.2)
         axes.plot(values, [place] * len(values), "o", color=colour, markersize=3.2, alpha=0.75)
@@ -895,7 +905,8 @@ def opendrift(theme: Theme, sampling: Sampling) -> Figure:
     spread.set_title("spread: map (lines), OpenDrift (dots)")
     plans = [row for row in rows if row["quantity"] == "success"]
     for place, row in enumerate(reversed(plans)):
-        forecast, found = float(row["map"]), float(row["opendrift"])
+        forecast = float(row["map"])
+        found = float(row["opendrift"])
         success.plot((found, forecast), (place, place), color=theme.grey, linewidth=1.2)
         success.plot(forecast, place, "|", color=theme.series[0], markersize=13, markeredgewidth=2)
         success.plot(found, place, "o", color=theme.series[0], markersize=5)
@@ -918,7 +929,8 @@ def tracks(theme: Theme, sampling: Sampling) -> Figure:
     for column, (name, scene) in zip(panels.T, scenes.items(), strict=True):
         scenario = search(name).scenario
         step = scenario.timestep_limit
-        (tracked,), constant = scenario.persons_to_find, Person.from_dict(scene["constant"])
+        (tracked,) = scenario.persons_to_find
+        constant = Person.from_dict(scene["constant"])
         persons = {"tracks": tracked, "constant": constant}
         for axes, (drift, person) in zip(column, persons.items(), strict=True):
             forecast = drift_model(person.drift, scenario.grid_size)
@@ -1009,7 +1021,8 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
         for path in sorted(TRAINING.glob(f"{example}-*.csv")):
             columns = read_columns(path)
             known = ~np.isnan(columns["found"])
-            steps, found = columns["steps"][known], moving_mean(columns["found"][known])
+            steps = columns["steps"][known]
+            found = moving_mean(columns["found"][known])
             axes.plot(steps, found, color=theme.series[0], linewidth=1.1, alpha=0.8)
     show_success_over_steps(plotted)
     for axes in plotted[-3:]:
@@ -1050,7 +1063,8 @@ def benchmark(theme: Theme, sampling: Sampling) -> Figure:
         show_success_over_steps(rows[:, number])
         rows[0, number].set_title(task)
         rows[1, number].yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-        best, usual = known["planner"], known["greedy-matrix"]
+        best = known["planner"]
+        usual = known["greedy-matrix"]
         margin = best - usual
         rows[1, number].set_ylim(usual - 0.75 * margin, best + 0.25 * margin)
         rows[1, number].set_xlabel("environment steps")
@@ -1072,9 +1086,11 @@ def draw_range(axes: Axes, rows: list[dict[str, str]], colour: str) -> None:
     found: dict[float, list[float]] = {}
     for row in rows:
         found.setdefault(float(row["steps"]), []).append(float(row["found"]))
-    steps, values = [*found], [*found.values()]
+    steps = [*found]
+    values = [*found.values()]
     axes.plot(steps, [*map(np.mean, values)], color=colour, linewidth=1.3)
-    lowest, highest = [*map(min, values)], [*map(max, values)]
+    lowest = [*map(min, values)]
+    highest = [*map(max, values)]
     axes.fill_between(steps, lowest, highest, color=colour, alpha=0.2, linewidth=0)
 
 

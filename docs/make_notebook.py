@@ -14,7 +14,8 @@ import re
 from pathlib import Path
 
 DOCS = Path(__file__).parent
-PAGE, NOTEBOOK = DOCS / "tutorial.md", DOCS / "tutorial.ipynb"
+PAGE = DOCS / "tutorial.md"
+NOTEBOOK = DOCS / "tutorial.ipynb"
 
 PLACEHOLDER = "OWNER"
 """In the repository's address, until there is a public one."""

@@ -364,7 +364,8 @@ def at_sea(
 
 def from_tracks(name: str, sweep_width: float, drones: Sequence[Cell]) -> Entry:
     """A search for a person who drifts as the tracks in a file do."""
-    scale, file = Scale(metres_per_cell=250, seconds_per_step=90), FILE.with_name(f"{name}.npz")
+    scale = Scale(metres_per_cell=250, seconds_per_step=90)
+    file = FILE.with_name(f"{name}.npz")
     digest = hashlib.sha256(file.read_bytes()).hexdigest()
     person = {
         "probability_of_detection": in_one_crossing(scale, sweep_width),
@@ -379,14 +380,16 @@ def in_one_crossing(
     function: Callable[[float], float] = detection.inverse_cube,
 ) -> float:
     """The probability of detection in a cell that a drone crosses once."""
-    cell, seconds = scale.metres_per_cell, scale.seconds_per_step
+    cell = scale.metres_per_cell
+    seconds = scale.seconds_per_step
     coverage = detection.coverage(sweep_width, cell / seconds, seconds, cell**2)
     return round(function(coverage), 2)
 
 
 def middles_of_edges(grid_size: int) -> list[Cell]:
     """The middles of the upper, right, lower and left edge."""
-    half, last = grid_size // 2, grid_size - 1
+    half = grid_size // 2
+    last = grid_size - 1
     return [(half, 0), (last, half), (half, last), (0, half)]
 
 
@@ -400,7 +403,8 @@ def abreast(count: int, x: int, y: int) -> list[Cell]:
 
 def shortened(drift: Drift) -> Entry:
     """A drift as plain data, without defaults; the largest value of a prior is 1."""
-    data, default = drift.to_dict(), Drift((0, 0)).to_dict()
+    data = drift.to_dict()
+    default = Drift((0, 0)).to_dict()
     if drift.prior is not None:
         data["start"] = (drift.prior / drift.prior.max()).round(2).tolist()
     return {
@@ -426,7 +430,8 @@ def as_json(value: Any, indent: str = "") -> str:
     several = [*value.values()] if isinstance(value, dict) else value
     if len(indent + line) <= WIDTH or not any(isinstance(each, (dict, list)) for each in several):
         return line
-    inner, (opened, closed) = indent + "  ", "[]"
+    inner = indent + "  "
+    opened, closed = "[]"
     parts = [as_json(each, inner) for each in several]
     if isinstance(value, dict):
         opened, closed = "{}"

@@ -37,7 +37,8 @@ from DroneSwarmSearch.policies import make
 FOLDER = Path(suite.__file__).parent
 
 TRACKS = 30_000
-GRID_SIZE, STEPS = 41, 140
+GRID_SIZE = 41
+STEPS = 140
 SCALE = Scale(metres_per_cell=250, seconds_per_step=90)
 """Drones fly at 2.8 m/s, and the searches last three and a half hours."""
 
@@ -172,7 +173,8 @@ def constant_drift(tracks: Tracks, probability_of_detection: float) -> Person:
     The means follow the line of least squares through the mean positions of the half. The standard
     deviations are those of its positions at the start and, up to the turbulence, at the end.
     """
-    positions, steps = tracks.positions, np.arange(tracks.steps + 1)
+    positions = tracks.positions
+    steps = np.arange(tracks.steps + 1)
     some = positions[:: len(steps) // 6].transpose(1, 0, 2).reshape(len(tracks), -1)
     some = some - some.mean(axis=0)
     is_first = some @ np.linalg.eigh(some.T @ some)[1][:, -1] > 0
@@ -180,7 +182,8 @@ def constant_drift(tracks: Tracks, probability_of_detection: float) -> Person:
     drifts = []
     for half in (is_first, ~is_first):
         vector, start = np.polyfit(steps, positions[:, half].mean(axis=1), 1)
-        before, after = positions[0, half].var(axis=0), positions[-1, half].var(axis=0)
+        before = positions[0, half].var(axis=0)
+        after = positions[-1, half].var(axis=0)
         grown = np.maximum(after - before - diffusion * steps[-1], 0)
         drifts.append(
             Drift(
@@ -199,7 +202,8 @@ def compare(seed: int = 1, policies: Sequence[str] = ("planner", "greedy-posteri
     """Forecast success of policies for both drift models, and the share of new tracks found."""
     scenes = {}
     for name, scene in SCENES.items():
-        found, new = suite.search(name), simulate(scene, seed=seed)
+        found = suite.search(name)
+        new = simulate(scene, seed=seed)
         (person,) = found.scenario.persons_to_find
         constant = constant_drift(person.drift.tracks, person.probability_of_detection)
         results: dict[str, Any] = {policy: {} for policy in policies}

@@ -49,9 +49,14 @@ CLASSES = (
 )
 WINDS = ((0.0, 10.0), (-6.0, 4.0))  # the second is oblique to the grid
 HOURS = (1, 3, 6)
-MAP_SIZE, MAP_SECONDS = 101, 60  # cells along each side, seconds per step
+# cells along each side, seconds per step
+MAP_SIZE = 101
+MAP_SECONDS = 60
 
-SEARCH_SIZE, SEARCH_SCALE, SEARCH_STEPS = 61, Scale(130, 13), 277  # an hour
+# an hour
+SEARCH_SIZE = 61
+SEARCH_SCALE = Scale(130, 13)
+SEARCH_STEPS = 277
 DRONES = [(25, 25), (35, 25), (25, 35), (35, 35)]
 DETECTION = 0.8
 
@@ -113,7 +118,8 @@ def random_incidents(count: int, seed: int = 0) -> list[Incident]:
     generator = np.random.default_rng(seed)
 
     def vector(low: float, high: float) -> Pair:
-        speed, angle = generator.uniform(low, high), generator.uniform(0, 2 * np.pi)
+        speed = generator.uniform(low, high)
+        angle = generator.uniform(0, 2 * np.pi)
         return float(speed * np.cos(angle)), float(speed * np.sin(angle))
 
     return [
@@ -149,7 +155,8 @@ def snapshots(incident: Incident, options: argparse.Namespace) -> list[Snapshot]
     seconds = [3600 * hours for hours in HOURS]
     positions = [incident.diffused(tracks[each // TRACK_SECONDS], each) for each in seconds]
     corners = np.array([(each.min(axis=0), each.max(axis=0)) for each in (tracks[0], *positions)])
-    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    low = corners.min(axis=(0, 1))
+    high = corners.max(axis=(0, 1))
     cell = float((high - low).max()) / (MAP_SIZE - 1)
     start = (MAP_SIZE - 1) / 2 - (low + high) / 2 * (1, -1) / cell
     known = {**incident._asdict(), "start": start, "scale": Scale(cell, MAP_SECONDS)}
@@ -169,7 +176,8 @@ def search(incident: Incident, options: argparse.Namespace) -> Pair | None:
 
     None if the map does not fit on the grid.
     """
-    tracks, seconds = incident.tracks(incident.adrift / 3600 + 1.5, options), incident.adrift
+    tracks = incident.tracks(incident.adrift / 3600 + 1.5, options)
+    seconds = incident.adrift
     # In the middle of the search, the objects are around the middle of the grid.
     drifted = tracks[round((seconds + 1800) / TRACK_SECONDS)].mean(axis=0)
     start = (SEARCH_SIZE - 1) / 2 - drifted * (1, -1) / SEARCH_SCALE.metres_per_cell
@@ -207,7 +215,8 @@ def search(incident: Incident, options: argparse.Namespace) -> Pair | None:
 
 def moments(matrix: Floats) -> tuple[Floats, Floats]:
     """Mean and standard deviation in cells, along x and y."""
-    axes, cells = np.stack([matrix.sum(axis=0), matrix.sum(axis=1)]), np.arange(len(matrix))
+    axes = np.stack([matrix.sum(axis=0), matrix.sum(axis=1)])
+    cells = np.arange(len(matrix))
     mean = axes @ cells
     return mean, np.sqrt(axes @ cells**2 - mean**2)
 
@@ -219,8 +228,10 @@ def print_row(
     hours, cell, matrix, shares = snapshot
     draws = np.random.multinomial(options.tracks, matrix.ravel() / matrix.sum())
     floor = np.abs(draws.reshape(matrix.shape) / options.tracks - matrix).sum() / 2
-    (mean, sd), (other_mean, other_sd) = moments(matrix), moments(shares)
-    apart, (x, y) = cell * np.hypot(*(other_mean - mean)), other_sd / sd - 1
+    mean, sd = moments(matrix)
+    other_mean, other_sd = moments(shares)
+    apart = cell * np.hypot(*(other_mean - mean))
+    x, y = other_sd / sd - 1
     distance = np.abs(shares - matrix).sum() / 2
     print(
         f"{name:>23}  {wind!s:<12}  {hours} h  {distance:8.3f}  "
@@ -239,9 +250,15 @@ def print_row(
 COAST_COLUMNS = ("person", "policy", "forecast", "found")
 
 PLACE = (60.25, 4.87)  # the last known position in degrees, off the islands west of Bergen
-EDDY, EDDY_RADIUS, EDDY_SPEED = (4.89, 60.235), 4000, 0.4  # degrees, m, m/s; fastest at the radius
+# degrees, m, m/s; fastest at the radius
+EDDY = (4.89, 60.235)
+EDDY_RADIUS = 4000
+EDDY_SPEED = 0.4
 ADRIFT = Incident("SKIFF-3", (7.0, -1.0), position_sd=700, diffusivity=5, adrift=3600)
-COAST_SCALE, COAST_STEPS, COAST_CELL = Scale(250, 25), 432, (22, 26)  # three hours
+# three hours
+COAST_SCALE = Scale(250, 25)
+COAST_STEPS = 432
+COAST_CELL = (22, 26)
 COAST_DRONES = [(25, 25), (35, 35)]
 
 
@@ -256,8 +273,12 @@ def current(longitude: Any, latitude: Any) -> tuple[Any, Any]:
 class Eddy(ContinuousReader):
     """The current, as OpenDrift asks for it."""
 
-    name, proj4 = "eddy", "+proj=latlong +datum=WGS84"
-    xmin, xmax, ymin, ymax = -180, 180, -90, 90
+    name = "eddy"
+    proj4 = "+proj=latlong +datum=WGS84"
+    xmin = -180
+    xmax = 180
+    ymin = -90
+    ymax = 90
     start_time = end_time = time_step = None
 
     def __init__(self) -> None:
@@ -272,7 +293,8 @@ class Eddy(ContinuousReader):
 
 def tracks_at_the_coast(path: Path, seed: int, options: argparse.Namespace) -> Tracks:
     """The tracks that a run of OpenDrift writes to a file, from the start of the search."""
-    model, released = Leeway(loglevel=50, seed=seed), datetime(2026, 1, 1)
+    model = Leeway(loglevel=50, seed=seed)
+    released = datetime(2026, 1, 1)
     model.add_reader(Eddy())
     for name, value in zip(("x_wind", "y_wind"), ADRIFT.wind, strict=True):
         model.set_config(f"environment:constant:{name}", value)
@@ -323,7 +345,8 @@ def search_at_the_coast(options: argparse.Namespace) -> list[tuple[object, ...]]
 
 def plan_of(name: str, scenario: Scenario) -> tuple[float, NDArray[np.int64]]:
     """The forecast probability of success of a policy's plan, and the plan: (steps, drones)."""
-    env, policy = DroneSwarmSearch(scenario=scenario), policies.make(name, scenario)
+    env = DroneSwarmSearch(scenario=scenario)
+    policy = policies.make(name, scenario)
     observations, infos = env.reset(seed=0, drones_positions=COAST_DRONES)
     policy.reset()
     plan = []
@@ -351,7 +374,8 @@ def main() -> None:
     classes, incidents = (CLASSES[:2], INCIDENTS[:1]) if options.fast else (CLASSES, INCIDENTS)
     np.random.seed(0)  # OpenDrift draws from it
 
-    rows, excess = [], []
+    rows = []
+    excess = []
     print(f"{'object class':>23}  wind, m/s     time  distance  floor  means  sd of x, y")
     for name in () if options.random else classes:
         for wind in WINDS:
@@ -360,7 +384,8 @@ def main() -> None:
     print(f"\n{'object class':>23}  wind, m/s     forecast  found")
     chosen = random_incidents(options.random, options.seed) if options.random else incidents
     for incident in chosen:
-        name, wind = incident[0], (round(incident.wind[0], 1), round(incident.wind[1], 1))
+        name = incident[0]
+        wind = (round(incident.wind[0], 1), round(incident.wind[1], 1))
         if (success := search(incident, options)) is None:
             continue
         forecast, found = success

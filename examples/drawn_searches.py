@@ -40,7 +40,8 @@ def draw_searches(rng: np.random.Generator) -> tuple[list[Scenario], NDArray[np.
     limit = int(rng.integers(120, 500) if is_long else rng.integers(2 * size, 4 * size))
     speed = rng.choice([0.0, rng.uniform(0.0, 0.7), rng.uniform(0.7, 1.6)], p=[0.1, 0.54, 0.36])
     persons = int(rng.choice([1, 1, 1, 2]))
-    scenarios, starts = [], []
+    scenarios = []
+    starts = []
     for _ in range(min(max(DRONES // n_drones, 4), 24)):
         pod = float(rng.choice([0.3, 0.4, 0.5, 0.7, 0.85, 1.0]))
         scenarios.append(
@@ -91,7 +92,8 @@ def held_out_searches(count: int) -> list[NamedSearch]:
     Args:
         count: the number of searches.
     """
-    rng, searches = np.random.default_rng(HELD_OUT), []
+    rng = np.random.default_rng(HELD_OUT)
+    searches = []
     for number in range(count):
         scenarios, starts = draw_searches(rng)
         scenario = replace(scenarios[0], mission="coverage", bayesian_update=True)

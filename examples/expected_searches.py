@@ -58,7 +58,8 @@ class ExpectedSearches:
         self.cells: NDArray[np.integer] = np.array(
             [each.drone_cells(positions) for each, positions in places]
         )
-        self.step, self.found = 0, np.zeros(len(scenarios))
+        self.step = 0
+        self.found = np.zeros(len(scenarios))
         self._headings = np.full(self.cells.shape, int(Action.IDLE))
         self._detections = np.array([each.detections[0] for each in scenarios], np.float32)
         self._arrivals = Arrivals(self.grid_size, self.n_drones)
@@ -95,7 +96,8 @@ class ExpectedSearches:
         """What every drone observes, see `Arrivals`: float32, shape (searches, n, INPUTS)."""
         remaining = self.timestep_limit - self.step
         steps = self._arrivals.steps(remaining)
-        size, count = self.grid_size, len(self.cells)
+        size = self.grid_size
+        count = len(self.cells)
         ahead = np.empty((count, steps + 1, size, size), np.float32)
         beliefs = self._beliefs.copy()
         for step in range(steps + 1):

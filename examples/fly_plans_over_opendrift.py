@@ -32,7 +32,8 @@ STEP = 60  # seconds between positions
 
 def random_incident(rng: np.random.Generator) -> Incident:
     """An incident of any class, anywhere between 70° south and 70° north."""
-    speed, time = rng.uniform(18, 35), datetime(2026, 3, 1, 5, 30, tzinfo=timezone.utc)
+    speed = rng.uniform(18, 35)
+    time = datetime(2026, 3, 1, 5, 30, tzinfo=timezone.utc)
     return Incident(
         position=(rng.uniform(-70, 70), rng.uniform(-180, 180)),
         time=time,
@@ -90,11 +91,13 @@ def found(flights: FlightPlan, options: argparse.Namespace) -> float:
             length = float(np.hypot(*way))
             if not (now.searching and length):
                 continue
-            unit, pieces = way / length, math.ceil(length / incident.swath)
+            unit = way / length
+            pieces = math.ceil(length / incident.swath)
             for part in (np.arange(pieces) + 0.5) / pieces:
                 time = seconds[leg] + part * (seconds[leg + 1] - seconds[leg])
                 away = tracks[round(time / STEP)] - places[leg] - part * way
-                along, across = np.abs(away @ unit), np.abs(away @ (unit[::-1] * [1, -1]))
+                along = np.abs(away @ unit)
+                across = np.abs(away @ (unit[::-1] * [1, -1]))
                 passed += (along <= length / pieces / 2) & (across <= incident.swath / 2)
     return float(np.mean(1 - (1 - incident.probability_of_detection) ** passed))
 

@@ -56,7 +56,8 @@ def write_field(path: Path, field: Any, names: tuple[str, str], points: int) -> 
         grid = np.meshgrid(3600 * HOURS, latitudes, longitudes, indexing="ij")
         for name, values in zip(names, field(*grid), strict=True):
             variable = data.createVariable(name, "f4", (*axes,), fill_value=1e20)
-            variable.standard_name, variable.units = name, "m s-1"
+            variable.standard_name = name
+            variable.units = "m s-1"
             variable[:] = np.ma.masked_invalid(values)
 
 
@@ -99,11 +100,13 @@ def main() -> None:
         wind_error=0,
         current_error=0,
     )
-    begin, end = 3600.0, 3 * 3600.0
+    begin = 3600.0
+    end = 3 * 3600.0
     there = still.plane.degrees(simulate(still, 20_000, 0).mean(end - begin))
     start = PLANE.metres(*incident.position)
     exact = integrated(np.tile(start, (5000, 1)), begin, end).mean(axis=0)
-    off, way = np.hypot(*(PLANE.metres(*there) - exact)), np.hypot(*(exact - start))
+    off = np.hypot(*(PLANE.metres(*there) - exact))
+    way = np.hypot(*(exact - start))
     print(f"after 2 hours, the particles' mean is {off:.0f} m from the exact one, {way:.0f} m away")
     flights = plan(incident)
     write(flights, folder / "plan")

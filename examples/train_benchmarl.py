@@ -42,7 +42,9 @@ ALGORITHMS = {
 # In the coverage mission nobody is found: a search pays the swarm the probability of success that
 # it adds, which is less noisy than a find.
 MISSION = {"mission": "coverage"}
-LEARNING_RATE, ENTROPY = 1.5e-3, 0.001  # of PPO
+# of PPO
+LEARNING_RATE = 1.5e-3
+ENTROPY = 0.001
 
 # The most drones in a swarm that share their rewards: all are paid the mean. VDN and QMIX divide
 # the value of the swarm among its drones. Other algorithms learn faster from a drone's own
@@ -104,13 +106,18 @@ class Trained(TrainedPolicy):
 
 def make_config(folder: Path, steps: int, task: Task, algorithm: str) -> ExperimentConfig:
     """BenchMARL's defaults, adapted to a small task and a CPU."""
-    config, drones = ExperimentConfig.get_from_yaml(), task.parameters["n_drones"]
+    config = ExperimentConfig.get_from_yaml()
+    drones = task.parameters["n_drones"]
     batch = NUM_SWARMS * task.parameters["timestep_limit"]
-    config.max_n_frames, config.max_n_iters = None, math.ceil(steps / batch)
+    config.max_n_frames = None
+    config.max_n_iters = math.ceil(steps / batch)
     config.on_policy_n_envs_per_worker = NUM_SWARMS
-    config.on_policy_collected_frames_per_batch, config.checkpoint_at_end = batch, True
-    config.on_policy_n_minibatch_iters, config.on_policy_minibatch_size = 4, 1000
-    config.lr, config.clip_grad_val = LEARNING_RATE, 0.5
+    config.on_policy_collected_frames_per_batch = batch
+    config.checkpoint_at_end = True
+    config.on_policy_n_minibatch_iters = 4
+    config.on_policy_minibatch_size = 1000
+    config.lr = LEARNING_RATE
+    config.clip_grad_val = 0.5
     if not ALGORITHMS[algorithm].on_policy():
         config.off_policy_n_envs_per_worker = NUM_SWARMS
         config.off_policy_collected_frames_per_batch = batch
@@ -121,9 +128,11 @@ def make_config(folder: Path, steps: int, task: Task, algorithm: str) -> Experim
         config.off_policy_memory_size = (800_000 if algorithm == "iql" else 200_000) // drones
         config.exploration_eps_end = 0.02
         config.exploration_anneal_frames = steps // 2
-        config.lr, config.clip_grad_val = 5e-4, 5.0
+        config.lr = 5e-4
+        config.clip_grad_val = 5.0
     config.evaluation = False  # the script compares with the baselines at the end
-    config.loggers, config.create_json = ["csv"], False
+    config.loggers = ["csv"]
+    config.create_json = False
     config.save_folder = str(folder)
     return config
 
@@ -143,7 +152,8 @@ def main() -> None:
     scale = drones / 2  # a drone's share of the success is the smaller, the more there are
     callbacks = [Curve(options.out / "curve.csv")]
     if algorithm.on_policy():
-        algorithm.entropy_coef, algorithm.lmbda = ENTROPY, 0.95
+        algorithm.entropy_coef = ENTROPY
+        algorithm.lmbda = 0.95
     else:
         scale *= VALUE_SCALE
     if algorithm.on_policy() or options.algorithm == "iql":

@@ -84,7 +84,8 @@ class Agent(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.first, self.second = nn.Linear(INPUTS, HIDDEN), nn.Linear(HIDDEN, HIDDEN)
+        self.first = nn.Linear(INPUTS, HIDDEN)
+        self.second = nn.Linear(HIDDEN, HIDDEN)
         self.last = nn.Linear(HIDDEN + INPUTS, 2)
         nn.init.orthogonal_(self.first.weight)
         nn.init.orthogonal_(self.last.weight[:, :HIDDEN], 0.01)
@@ -135,7 +136,8 @@ def fly(
 
     Returns the drones' cells, shape (steps + 1, searches, n), and actions, (steps, searches, n).
     """
-    cells, chosen = [batch.cells], []
+    cells = [batch.cells]
+    chosen = []
     while batch.step < batch.timestep_limit:
         with torch.no_grad():
             logits = agent(torch.from_numpy(batch.inputs().reshape(-1, INPUTS))).numpy()
@@ -157,7 +159,8 @@ def improve(
     rng: np.random.Generator,
 ) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
     """Improve the drones' paths in a search, by cells and actions as of `fly`, from a step on."""
-    tracker, size = BeliefTracker(scenario), scenario.grid_size
+    tracker = BeliefTracker(scenario)
+    size = scenario.grid_size
     for here, now in zip(cells[:first], actions[:first], strict=False):
         tracker.update([(int(cell % size), int(cell // size)) for cell in here], now.tolist())
     persons = zip(tracker.missing, tracker.forecasts, scenario.detections, strict=True)
@@ -169,9 +172,11 @@ def improve(
     searches = (actions[first:] == Action.SEARCH).T
     plan = JointPlan(targets, first, [*map(DronePath, cells[first:].T, searches)])
     plan.anneal(SECONDS * searches.size, rng)
-    cells, actions = cells.copy(), actions.copy()
+    cells = cells.copy()
+    actions = actions.copy()
     cells[first:] = np.transpose([path.cells for path in plan.paths])
-    here, there = cells[first:-1], cells[first + 1 :]
+    here = cells[first:-1]
+    there = cells[first + 1 :]
     moves = Grid.of(size).targets[here, : Action.SEARCH] == there[..., None]
     actions[first:] = np.where(here == there, Action.SEARCH, moves.argmax(axis=-1))
     return cells, actions
@@ -182,11 +187,9 @@ def right_actions(cells: NDArray[np.integer], actions: NDArray[np.integer], size
 
     Before its next search, all moves that lead closer are, and after the last one, none.
     """
-    right, goal, neighbours = (
-        np.zeros((len(actions), NUM_ACTIONS), np.bool_),
-        None,
-        Grid.of(size).targets,
-    )
+    right = np.zeros((len(actions), NUM_ACTIONS), np.bool_)
+    goal = None
+    neighbours = Grid.of(size).targets
 
     def distance(cell: int, goal: int) -> int:
         return abs(cell % size - goal % size) + abs(cell // size - goal // size)
@@ -214,7 +217,8 @@ def watch(
     offset: int,
 ) -> Samples:
     """What the drones observe and do in searches with given paths, from a step on."""
-    size, parts = batch.grid_size, []
+    size = batch.grid_size
+    parts = []
     right = np.zeros((*actions.shape, NUM_ACTIONS), np.bool_)
     for swarm, drone in np.ndindex(actions.shape[1:]):
         right[:, swarm, drone] = right_actions(
@@ -263,7 +267,9 @@ def plan_searches(
 
     Returns the samples, and the mean success of the network and of the improved paths.
     """
-    samples, flown, planned = [], [], []
+    samples = []
+    flown = []
+    planned = []
     for _ in range(max(count // TOGETHER, 1)):
         scenarios, starts = draw(rng)
         limit = scenarios[0].timestep_limit
@@ -282,17 +288,22 @@ def plan_searches(
 
 def train(options: argparse.Namespace) -> Path:
     """Plan and learn in all rounds; returns the path of the weights."""
-    curve, weights = options.out / "curve.csv", options.out / "policy.npz"
+    curve = options.out / "curve.csv"
+    weights = options.out / "policy.npz"
     torch.manual_seed(options.seed)
-    rng, parts, searches = np.random.default_rng(options.seed), [], 0
-    agent, held_out = Agent(), held_out_searches(HELD_OUT)
+    rng = np.random.default_rng(options.seed)
+    parts = []
+    searches = 0
+    agent = Agent()
+    held_out = held_out_searches(HELD_OUT)
     for _ in range(options.rounds):
         agent.network().save(weights)
         alone = partial(ImitationPolicy, weights=weights, samples=None)
         row = {"held-out": mean_success(alone, held_out)}
         more, flown, planned = plan_searches(agent, options.searches, rng)
         training.log_row(curve, searches=searches, flown=flown, planned=planned, **row)
-        searches, parts = searches + options.searches, [*parts, *more]
+        searches = searches + options.searches
+        parts = [*parts, *more]
         agent = Agent()
         learn(agent, {key: np.concatenate([each[key] for each in parts]) for key in parts[0]})
     agent.network().save(weights)

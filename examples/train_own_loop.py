@@ -31,10 +31,22 @@ from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, View, evaluate, search
 from DroneSwarmSearch.vector import DroneVectorEnv
 
-INPUTS, GRID_SIZE, DRONES, SWARMS = 202, 25, 4, 256
-NUM_STEPS, UPDATE_EPOCHS, MINIBATCH_SIZE, HIDDEN = 32, 3, 4096, 64
-LEARNING_RATE, ENT_COEF = 3e-3, 0.003  # at the start; annealed
-GAMMA, GAE_LAMBDA, CLIP_COEF, VF_COEF, MAX_GRAD_NORM = 0.99, 0.95, 0.2, 30.0, 0.5
+INPUTS = 202
+GRID_SIZE = 25
+DRONES = 4
+SWARMS = 256
+NUM_STEPS = 32
+UPDATE_EPOCHS = 3
+MINIBATCH_SIZE = 4096
+HIDDEN = 64
+# at the start; annealed
+LEARNING_RATE = 3e-3
+ENT_COEF = 0.003
+GAMMA = 0.99
+GAE_LAMBDA = 0.95
+CLIP_COEF = 0.2
+VF_COEF = 30.0
+MAX_GRAD_NORM = 0.5
 TEST_SEARCH = "classic"  # of the evaluation suite, for the comparison with the baselines
 TEST_SEED = 10_000_000  # of random searches for the baselines; training starts from small seeds
 
@@ -121,7 +133,8 @@ def rollout(
     for t in range(NUM_STEPS):
         step = agent.act(observations)
         observations, rewards, dones, _, infos = envs.step(step["actions"].numpy())
-        step["rewards"], step["dones"] = torch.from_numpy(rewards).float(), torch.from_numpy(dones)
+        step["rewards"] = torch.from_numpy(rewards).float()
+        step["dones"] = torch.from_numpy(dones)
         for key, values in step.items():
             if key not in data:
                 data[key] = values.new_empty(NUM_STEPS, *values.shape)
@@ -134,12 +147,14 @@ def rollout(
 
 def add_advantages(data: dict[str, torch.Tensor], next_values: torch.Tensor) -> None:
     """Add advantages and returns. Every end is terminal: the drones observe the remaining time."""
-    advantages, last = torch.zeros_like(data["values"]), torch.zeros_like(next_values)
+    advantages = torch.zeros_like(data["values"])
+    last = torch.zeros_like(next_values)
     for t in reversed(range(NUM_STEPS)):
         nextnonterminal = ~data["dones"][t]
         delta = data["rewards"][t] + GAMMA * nextnonterminal * next_values - data["values"][t]
         last = delta + GAMMA * GAE_LAMBDA * nextnonterminal * last
-        advantages[t], next_values = last, data["values"][t]
+        advantages[t] = last
+        next_values = data["values"][t]
     data["returns"] = advantages + data["values"]
     data["advantages"] = advantages / (advantages.square().mean().sqrt() + 1e-8)
 
@@ -172,14 +187,17 @@ def update(
 
 
 def train(agent: Agent, options: argparse.Namespace) -> None:
-    checkpoint, curve = options.out / "checkpoint.pt", options.out / "curve.csv"
+    checkpoint = options.out / "checkpoint.pt"
+    curve = options.out / "curve.csv"
     optimizer = torch.optim.Adam(agent.parameters(), eps=1e-5, fused=True)
-    steps, seconds = 0, 0.0
+    steps = 0
+    seconds = 0.0
     if options.resume:
         state = torch.load(checkpoint, weights_only=True)
         agent.load_state_dict(state["agent"])
         optimizer.load_state_dict(state["optimizer"])
-        steps, seconds = state["steps"], state["seconds"]
+        steps = state["steps"]
+        seconds = state["seconds"]
         torch.manual_seed(options.seed + steps)
     started = time.monotonic() - seconds
     envs = make_envs(SWARMS)
@@ -190,7 +208,8 @@ def train(agent: Agent, options: argparse.Namespace) -> None:
     while steps < options.steps:
         observations, successes = rollout(envs, agent, data, observations)
         entropy = update(agent, optimizer, data, 1.0 - steps / options.steps)
-        steps, seconds = steps + NUM_STEPS * SWARMS, time.monotonic() - started
+        steps = steps + NUM_STEPS * SWARMS
+        seconds = time.monotonic() - started
         state = {"agent": agent.state_dict(), "optimizer": optimizer.state_dict()}
         torch.save({**state, "steps": steps, "seconds": seconds}, checkpoint.with_suffix(".new"))
         checkpoint.with_suffix(".new").replace(checkpoint)  # never leave half a checkpoint
@@ -203,7 +222,8 @@ def train(agent: Agent, options: argparse.Namespace) -> None:
 
 def random_searches(count: int) -> list[NamedSearch]:
     """Searches for a person, drawn like those in training."""
-    envs, found = make_envs(count), []
+    envs = make_envs(count)
+    found = []
     envs.reset(seed=TEST_SEED)
     for row in range(count):
         scenario = envs.batch.scenario_of(row).replace(

@@ -86,7 +86,8 @@ class Trained(TrainedPolicy):
 def train(options: argparse.Namespace) -> None:
     """Train for all steps, and save a checkpoint."""
     checkpoint = options.out.absolute() / "checkpoint"
-    algorithm, steps = build_algorithm(options), 0
+    algorithm = build_algorithm(options)
+    steps = 0
     while steps < options.steps:
         results = algorithm.train()[ENV_RUNNER_RESULTS]
         steps = int(results[NUM_ENV_STEPS_SAMPLED_LIFETIME]) // DRONES  # RLlib counts drones' steps

@@ -28,7 +28,9 @@ from DroneSwarmSearch.vector import DroneVectorEnv
 
 DRONES = TRAINING_TASK["n_drones"]
 
-NUM_SWARMS, NUM_STEPS = 100, 50  # searches, and steps of each between two updates
+# searches, and steps of each between two updates
+NUM_SWARMS = 100
+NUM_STEPS = 50
 
 SETTINGS = {
     "n_steps": NUM_STEPS,
@@ -65,7 +67,8 @@ def make_env() -> VecMonitor:
 
 def train(options: argparse.Namespace) -> None:
     """Train for all steps that are left, and save the model."""
-    env, folder = make_env(), options.out
+    env = make_env()
+    folder = options.out
     if options.resume:
         newest = max(folder.glob("model*.zip"), key=lambda path: path.stat().st_mtime)
         model = MaskablePPO.load(newest, env, device="cpu")

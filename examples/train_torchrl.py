@@ -41,9 +41,15 @@ from DroneSwarmSearch.training import TRAINING_TASK
 
 warnings.filterwarnings("ignore", module="torch")  # how TorchRL uses PyTorch
 
-NUM_SWARMS, NUM_STEPS = 100, 50  # searches, and steps of each between two updates
+# searches, and steps of each between two updates
+NUM_SWARMS = 100
+NUM_STEPS = 50
 BATCH = NUM_SWARMS * NUM_STEPS
-EPOCHS, MINIBATCH_SIZE, LEARNING_RATE, ENTROPY = 4, 1000, 1.5e-3, 0.02  # both fall to 0
+# both fall to 0
+EPOCHS = 4
+MINIBATCH_SIZE = 1000
+LEARNING_RATE = 1.5e-3
+ENTROPY = 0.02
 LAYERS = {"num_cells": [128, 128], "activation_class": nn.Tanh}
 
 # In the coverage mission nobody is found: a search pays the swarm the probability of success that

@@ -8,7 +8,8 @@ from helpers import plain
 from DroneSwarmSearch import Drift, Person
 from DroneSwarmSearch.vector import SearchBatch
 
-NAN, INF = float("nan"), float("inf")
+NAN = float("nan")
+INF = float("inf")
 PERSON = "person_initial_position"
 POD = "probability_of_detection"
 DRONES = "drones_positions"

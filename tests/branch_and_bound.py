@@ -23,10 +23,12 @@ def best_success(of: NamedSearch) -> float:
         of: a search for one person: about ten steps with one drone, or six with two.
     """
     scenario = of.scenario
-    (forecast,), (detection,) = scenario.forecasts(), scenario.detections
+    (forecast,) = scenario.forecasts()
+    (detection,) = scenario.detections
     limit = scenario.timestep_limit
     targets = Grid.of(scenario.grid_size).targets
-    visited, best = set(), 0.0
+    visited = set()
+    best = 0.0
 
     def branch(step: int, cells: list[int], mass: np.ndarray, found: float) -> None:
         nonlocal best

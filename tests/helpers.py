@@ -213,7 +213,8 @@ def made_evaluation(found_at, search, *, policy="mine", seed=0, bound=None, is_e
 
     The steps have the shape (n, persons); the bound grows in proportion to time.
     """
-    found, limit = np.array(found_at), search.scenario.timestep_limit
+    found = np.array(found_at)
+    limit = search.scenario.timestep_limit
     last = np.where((found > 0).all(axis=1), found.max(axis=1), limit + 1)
     curves = (np.arange(limit + 1) >= last[:, None]) * 1.0
     episodes = replace(

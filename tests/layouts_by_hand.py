@@ -21,7 +21,8 @@ def drone_by_hand(layout, drone, positions, matrix, left):
         matrix: as the environment returns it.
         left: the remaining time fraction.
     """
-    own, others = positions[drone], [*positions[:drone], *positions[drone + 1 :]]
+    own = positions[drone]
+    others = [*positions[:drone], *positions[drone + 1 :]]
     if layout == "dict":
         return {"position": np.array(own, np.int32), "probability_matrix": matrix}
     if layout == "flat":

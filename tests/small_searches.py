@@ -182,7 +182,8 @@ def fly(policy, tracker, cells, steps):
     Checks that every step is legal.
     """
     size = tracker.scenario.grid_size
-    positions, searches = [list(cells)], []
+    positions = [list(cells)]
+    searches = []
     for _ in range(steps):
         here = positions[-1]
         actions = list(policy(observations(here, tracker.matrix())).values())
@@ -219,7 +220,8 @@ def all_trajectories(forecast: ProbabilityMatrix, steps: int) -> tuple[np.ndarra
     """Every trajectory's cells, y * N + x: shape (K, steps); and its probability: shape (K,)."""
     size = forecast.grid_size
     moves = [forecast.moves(step) for step in range(steps)]
-    paths, probabilities = [], []
+    paths = []
+    probabilities = []
 
     def follow(hypothesis: int, path: tuple[int, ...], probability: float) -> None:
         if len(path) == steps:

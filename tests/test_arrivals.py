@@ -19,7 +19,9 @@ from DroneSwarmSearch.policies.greedy import (
 
 ExpectedSearches: Any = module("expected_searches").ExpectedSearches
 
-SIZE, DRONES, STEPS = 9, 3, 6
+SIZE = 9
+DRONES = 3
+STEPS = 6
 TOWARDS = {Action.RIGHT: (1, 0), Action.DOWN: (0, 1), Action.LEFT: (-1, 0), Action.UP: (0, -1)}
 
 
@@ -50,7 +52,8 @@ def test_scores_are_those_of_the_best_cells_on_arrival():
     seen = inputs(**arguments)[:, 0]
     ahead = arguments["ahead"]
     for search in range(2):
-        (px, py), remaining = arguments["positions"][search, 0], arguments["remaining"][search]
+        px, py = arguments["positions"][search, 0]
+        remaining = arguments["remaining"][search]
         for factor, shift in ((NEAR, 0), (FAR, 5)):
             best = dict.fromkeys([*TURNS, Action.SEARCH], 0.0)
             distances = {
@@ -80,7 +83,9 @@ def test_scores_are_those_of_the_best_cells_on_arrival():
 
 
 def test_drones_claim_the_targets_of_greedy_search():
-    rng, size, drones = np.random.default_rng(3), 12, 7
+    rng = np.random.default_rng(3)
+    size = 12
+    drones = 7
     greedy = PosteriorGreedyPolicy(Scenario(grid_size=size, n_drones=drones))
     values = rng.random((5, drones, size, size)) ** 8  # some cells are far more likely
     x, y = rng.integers(0, size, (2, 5, drones))
@@ -132,8 +137,10 @@ def searches(count: int = 3, persons: int = 2, detection: float = 0.6) -> Any:
 class TestExpectedSearches:
     def test_agree_with_the_tracked_belief(self):
         scenarios, starts = searches()
-        batch, rng = ExpectedSearches(scenarios, starts), np.random.default_rng(0)
-        trackers, arrivals = [*map(BeliefTracker, scenarios)], Arrivals(9, 3)
+        batch = ExpectedSearches(scenarios, starts)
+        rng = np.random.default_rng(0)
+        trackers = [*map(BeliefTracker, scenarios)]
+        arrivals = Arrivals(9, 3)
         while batch.step < batch.timestep_limit:
             remaining = 15 - batch.step
             seen = batch.inputs()
@@ -160,7 +167,8 @@ class TestExpectedSearches:
         scenarios, starts = searches(1, persons)
         env = DroneSwarmSearch(scenario=scenarios[0])
         observations, infos = env.reset(options={"drones_positions": starts[0]})
-        batch, policy = ExpectedSearches(scenarios, starts), make("greedy-posterior", env.scenario)
+        batch = ExpectedSearches(scenarios, starts)
+        policy = make("greedy-posterior", env.scenario)
         total = 0.0
         while env.agents:
             actions = policy(observations)

@@ -30,7 +30,8 @@ from DroneSwarmSearch.persons import Drift
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
 
-NAN, INF = float("nan"), float("inf")
+NAN = float("nan")
+INF = float("inf")
 PERSON = "person_initial_position"
 POD = "probability_of_detection"
 DRONES = "drones_positions"
@@ -135,12 +136,14 @@ def refused(call: Callable[[], Any], error: type[Exception], *said: str) -> None
 def assert_untouched(env: DroneSwarmSearch, call: Callable[[DroneSwarmSearch], None]) -> None:
     """Check that a failing call changes neither the state nor the rest of the episode."""
     twin = copy.deepcopy(env)
-    before, agents = whole_state(env), list(env.agents)
+    before = whole_state(env)
+    agents = list(env.agents)
     call(env)
     assert whole_state(env) == before
     assert env.agents == agents
     if agents:
-        seen, seen_by_twin = observed(env), observed(twin)
+        seen = observed(env)
+        seen_by_twin = observed(twin)
         assert plain(seen) == plain(seen_by_twin)
         assert play_on(env, seen, random.Random(1)) == play_on(twin, seen_by_twin, random.Random(1))
     if was_seeded(env):
@@ -328,7 +331,8 @@ def test_reset_accepts_every_form(make, as_option):
 @pytest.mark.parametrize("n_drones", [1, 3])
 def test_step_accepts_every_kind_of_integer(kind, n_drones):
     for action in Action:
-        env, usual = make_env(n_drones=n_drones), make_env(n_drones=n_drones)
+        env = make_env(n_drones=n_drones)
+        usual = make_env(n_drones=n_drones)
         for one in (env, usual):
             one.reset(seed=1, drones_positions=[(3, 3), (5, 2), (1, 5)][:n_drones])
         actions = dict.fromkeys(usual.agents, int(action))

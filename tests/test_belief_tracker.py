@@ -17,7 +17,8 @@ from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
 @given(parameters(), st.integers(0, 2**32))
 def test_the_mean_belief_of_several_persons_equals_the_environments_matrix(search, seed):
     env = DroneSwarmSearch(**search)
-    tracker, rng = BeliefTracker(env.scenario), random.Random(seed)
+    tracker = BeliefTracker(env.scenario)
+    rng = random.Random(seed)
     observations, _ = env.reset(seed)
     while env.agents:
         frame = env.frame()
@@ -55,7 +56,8 @@ def test_infers_who_was_found(found, bayesian_update):
 def test_rounding_errors_and_unexplained_matrices_change_nothing():
     tracker = BeliefTracker(Scenario(**{**TWO, "disperse_constant": 5}))
     tracker.update([(0, 0), (4, 4)], [Action.SEARCH, Action.SEARCH])
-    both, rounded = tracker.matrix(), np.float32(1 + 1e-6)
+    both = tracker.matrix()
+    rounded = np.float32(1 + 1e-6)
     for matrix, missing in (
         (both * rounded, (0, 1)),
         (np.full_like(both, 1 / 25), (0, 1)),
@@ -121,7 +123,8 @@ def test_planned_searches_take_off_what_they_find_wherever_it_drifts(mission):
     # The mass that no search has found, carried along by hand.
     expected = np.zeros((7, 7))
     for number, detection in enumerate((0.7, 0.4)):
-        mass, forecast = tracker.joint(number), tracker.forecasts[number]
+        mass = tracker.joint(number)
+        forecast = tracker.forecasts[number]
         for step in range(8):
             if step in (2, 3):
                 cell = 2 * step - 2  # (2, 2), then (4, 4)

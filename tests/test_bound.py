@@ -61,7 +61,8 @@ class TestSuccessBound:
         return success_bound(of.scenario, of.drones, horizons=horizons, memory=2)
 
     def test_for_several_persons_is_the_product(self):
-        cells, detections = [(2, 3), (4, 1), (1, 1), (2, 3)], (0.9, 0.5, 0.4, 0.9)
+        cells = [(2, 3), (4, 1), (1, 1), (2, 3)]
+        detections = (0.9, 0.5, 0.4, 0.9)
         together = self.bound(2, person_initial_position=cells, probability_of_detection=detections)
         of_each = [
             self.bound(2, person_initial_position=cell, probability_of_detection=detection)
@@ -94,7 +95,8 @@ class TestSuccessBound:
         assert other.by_limit < np.mean(reached) <= both.by_limit
 
     def test_fewer_horizons_give_a_valid_but_looser_bound(self):
-        fine, coarse = self.bound(5), self.bound(1)
+        fine = self.bound(5)
+        coarse = self.bound(1)
         assert (coarse.by_time[1:] == coarse.by_limit).all()
         assert (coarse.by_time >= fine.by_time).all()
         assert coarse.by_time[2] > fine.by_time[2] + 0.01
@@ -116,7 +118,8 @@ def sampled_bound() -> SuccessBound:
 
 @pytest.mark.parametrize("name", ["planner", "greedy-posterior"])
 def test_no_policy_exceeds_the_bound(name):
-    bound, episodes = sampled_bound(), 400
+    bound = sampled_bound()
+    episodes = 400
     assert bound.confidence == 0.999
     found_by = evaluate(name, SAMPLED, episodes=episodes, progress=False).episodes.found_at[:, 0]
     for step in range(1, SAMPLED.scenario.timestep_limit + 1):

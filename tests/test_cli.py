@@ -156,7 +156,8 @@ def test_trained_weights_are_a_policy(capsys, tmp_path, monkeypatch):
     pond = json.loads(json.dumps(SUITE["pond"].data)) | {"timestep_limit": 12}
     Path("short.json").write_text(json.dumps(pond))
     Path("trained.py").write_text("from DroneSwarmSearch.policies import ImitationPolicy\n")
-    weights, arguments = "trained.py:ImitationPolicy:mine.npz", ("short.json", "--episodes", 2)
+    weights = "trained.py:ImitationPolicy:mine.npz"
+    arguments = ("short.json", "--episodes", 2)
     arguments += ("--out", "results")
     (mine,) = rows_of(capsys, "evaluate", weights, *arguments)
     (boxed,) = rows_of(capsys, "evaluate", "imitation", *arguments)
@@ -186,7 +187,8 @@ def test_view_and_observation_are_options(capsys, tmp_path):
 def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path):
     out = tmp_path / "out"
     arguments = ("evaluate", f"{own}:Still", "pond", "fog", "--episodes", 6, "--out", out)
-    first, again = answer(capsys, *arguments), answer(capsys, *arguments)
+    first = answer(capsys, *arguments)
+    again = answer(capsys, *arguments)
     assert again.out == first.out
     assert first.err == f"written to {out}/Still.csv\n"
     assert files_in(out) == {"finished", "Still.csv"}
@@ -254,7 +256,8 @@ def test_a_policy_that_interrupts_stops_the_command(capsys, own):
 
 
 def test_a_full_disk_is_reported_and_finished_results_are_kept(capsys, own, tmp_path, monkeypatch):
-    sync, calls = os.fsync, []
+    sync = os.fsync
+    calls = []
 
     def full(descriptor: int) -> None:
         calls.append(descriptor)

@@ -35,7 +35,8 @@ def test_every_episode_has_the_success_of_its_path(person, view):
 @pytest.mark.parametrize("persons", [("known", "missed"), ("known", "missed", "hypotheses")])
 def test_several_persons(persons):
     """Sampled until one person is missing."""
-    search, n = named(*persons, timestep_limit=30), 300
+    search = named(*persons, timestep_limit=30)
+    n = 300
     got = evaluated("parallel-sweep", search, episodes=n, deterministic=False)
     last_but_one = np.sort(np.where(got.episodes.found_at > 0, got.episodes.found_at, 99))[:, -2]
     for step, curve in zip(last_but_one.tolist(), got.curves, strict=True):
@@ -55,9 +56,11 @@ def test_the_last_person_is_never_found(persons):
     scenario = named(*persons, bayesian_update=True, timestep_limit=60).scenario
     batch = SearchBatch(30, scenario=scenario, finds_last=False, drones_positions=[(2, 2), (4, 2)])
     batch.reset([*range(30)])
-    policy, rows = make("greedy-posterior", scenario), np.arange(30)
+    policy = make("greedy-posterior", scenario)
+    rows = np.arange(30)
     for _ in range(59):
-        is_last, before = batch.missing.sum(axis=1) == 1, batch.probability_of_failure
+        is_last = batch.missing.sum(axis=1) == 1
+        before = batch.probability_of_failure
         shown = {"positions": batch.positions, "probability_matrix": batch.matrices_of(rows)}
         batch.step(policy(shown))
         assert (batch.missing[is_last].sum(axis=1) == 1).all()

@@ -46,7 +46,8 @@ def test_no_drones_collide_and_none_waits_unnecessarily(data):
 
 def test_a_ring_rotates_even_if_another_drone_would_enter():
     # Drones 1 and 2 exchange cells; drone 0 would enter the cell of drone 1.
-    cells, wanted = [(0, 0), (1, 0), (2, 0)], [(1, 0), (2, 0), (1, 0)]
+    cells = [(0, 0), (1, 0), (2, 0)]
+    wanted = [(1, 0), (2, 0), (1, 0)]
     assert resolve_conflicts(cells, wanted) == [(0, 0), (2, 0), (1, 0)]
     square = [(1, 0), (2, 0), (2, 1), (1, 1)]
     turned = square[1:] + square[:1]

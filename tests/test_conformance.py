@@ -101,7 +101,9 @@ def test_aec_render(monkeypatch):
 @each_parameters
 def test_observations_have_the_documented_form(parameters):
     env = DroneSwarmSearch(**parameters)
-    size, n_drones, rng = env.grid_size, env.n_drones, random.Random(1)
+    size = env.grid_size
+    n_drones = env.n_drones
+    rng = random.Random(1)
 
     def check(observations):
         assert list(observations) == env.possible_agents

@@ -23,7 +23,8 @@ def crops(positions: np.ndarray, matrices: np.ndarray, left: np.ndarray) -> np.n
 def window(scale: int, own: list[int], values: np.ndarray) -> np.ndarray:
     """The sum of some values of cells, [y, x], in every box of a window around a drone."""
     reach = scale * WINDOW // 2
-    (x, y), around = own, np.pad(values, reach)
+    x, y = own
+    around = np.pad(values, reach)
     cells = around[y : y + 2 * reach + 1, x : x + 2 * reach + 1]
     return cells.reshape(WINDOW, scale, WINDOW, scale).sum(axis=(1, 3)).reshape(-1)
 
@@ -31,7 +32,9 @@ def window(scale: int, own: list[int], values: np.ndarray) -> np.ndarray:
 @st.composite
 def searches(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Positions, matrices and remaining time fractions."""
-    count, size, drones = draw(st.integers(1, 3)), draw(st.integers(2, 24)), draw(st.integers(1, 4))
+    count = draw(st.integers(1, 3))
+    size = draw(st.integers(2, 24))
+    drones = draw(st.integers(1, 4))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     cells = np.stack([rng.permutation(size**2)[:drones] for _ in range(count)])
     matrices = rng.random((count, size, size)) ** draw(st.sampled_from([1, 20]))

@@ -65,7 +65,8 @@ def perform(monkeypatch: pytest.MonkeyPatch, script: Script) -> list[Frame]:
     """
     shown: list[Frame] = []
     pressed: dict[Player, Iterator[str]] = {}
-    advance, paint = Player.advance, Painter.paint
+    advance = Player.advance
+    paint = Painter.paint
 
     class Clock:
         def tick(self, fps: float) -> int:
@@ -318,7 +319,8 @@ class TestManual:
 
     def test_a_game_against_the_policies(self, tmp_path, capsys, monkeypatch):
         path = search_file(tmp_path, timestep_limit=40)
-        results, widths = {}, []
+        results = {}
+        widths = []
         monkeypatch.setattr(pygame.display, "get_desktop_sizes", lambda: [(1920, 1080)])
 
         def script(player: Player) -> Iterator[str]:

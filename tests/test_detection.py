@@ -54,7 +54,8 @@ def test_more_coverage_detects_more(one, other):
 
 def test_the_inverse_cube_law_is_that_of_parallel_tracks():
     """The sum over all tracks of the lateral range function's exponent, averaged over a strip."""
-    spacing, width = 130.0, 100.0
+    spacing = 130.0
+    width = 100.0
     across = (np.arange(2000) + 0.5) / 2000 * spacing
     tracks = np.arange(-3000, 3001) * spacing
     exponent = sum(width**2 / (4 * np.pi * (across - track) ** 2) for track in tracks)

@@ -41,7 +41,8 @@ EVERYTHING = PARAMETERS["everything"]
 
 @each_parameters
 def test_same_seed_same_episode(parameters):
-    env, other = make_env(parameters), make_env(parameters)
+    env = make_env(parameters)
+    other = make_env(parameters)
     play(other, 5, seed=99)  # episodes before the seed have no effect
     for seed in range(2):
         assert play(env, seed, seed=seed) == play(other, seed, seed=seed)
@@ -59,7 +60,8 @@ def path(env: DroneSwarmSearch, steps: int = 20, **reset: Any) -> tuple[Any, ...
 
 
 def test_unseeded_environments_differ():
-    env, other = make_env({}), make_env({})
+    env = make_env({})
+    other = make_env({})
     assert [path(env) for _ in range(3)] != [path(other) for _ in range(3)]
 
 
@@ -162,7 +164,8 @@ def test_copies_during_an_episode_continue_identically(steps, copied):
     assert plain(other.state()) == plain(env.state())
     assert plain(vars(other.frame())) == plain(vars(env.frame()))
     assert other.render() == env.render()
-    seen, seen_by_other = observed(env), observed(other)
+    seen = observed(env)
+    seen_by_other = observed(other)
     # One after the other, because copies share no mutable state.
     logs = [
         [*play_on(one, cells, random.Random(2)), play(one, 3), play(one, 4, seed=1), one.vector]
@@ -195,7 +198,8 @@ def test_changing_returned_arrays_does_not_change_the_episode():
     """Neither this episode, nor a later one, nor one of a new environment."""
 
     def episodes(env, touch):
-        log, rng = [], random.Random(4)
+        log = []
+        rng = random.Random(4)
         for episode in range(2):
             observations, _ = env.reset(seed=5 if episode == 0 else None)
             while env.agents:
@@ -205,7 +209,8 @@ def test_changing_returned_arrays_does_not_change_the_episode():
                 for array in (shown, env.frame().matrix, env.state()):
                     touch(array)
                 for forecast in env.scenario.forecasts():
-                    across, along = forecast.marginals(3), forecast.moves(3)
+                    across = forecast.marginals(3)
+                    along = forecast.moves(3)
                     for array in (forecast.at(3), forecast.exact(3), *across, *along):
                         touch(array)
                 observations, *results = env.step(actions)
@@ -220,7 +225,8 @@ def test_changing_returned_arrays_does_not_change_the_episode():
 def test_results_of_step_can_be_changed_by_the_caller():
     logs: list[list[Any]] = [[], []]
     for spoils, log in enumerate(logs):
-        env, rng = make_env(EVERYTHING), random.Random(5)
+        env = make_env(EVERYTHING)
+        rng = random.Random(5)
         results: Any = env.reset(seed=2)
         while log.append(plain(results)) or env.agents:
             actions = careful_actions(rng, results[0], env.grid_size)
@@ -236,11 +242,14 @@ def test_results_of_step_can_be_changed_by_the_caller():
 
 def test_changing_arguments_afterwards_has_no_effect():
     persons = np.array([[3, 3], [5, 1]])
-    vector, cells = [0.5, 0.5], [[1, 1], [2, 2]]
+    vector = [0.5, 0.5]
+    cells = [[1, 1], [2, 2]]
     env = make_env({"n_drones": 2}, person_initial_position=persons, vector=vector)
     options = {"drones_positions": cells, "person_initial_position": persons}
     env.reset(seed=1, options=options)
-    persons[:], vector[0], cells[0][0] = 0, -1, 6
+    persons[:] = 0
+    vector[0] = -1
+    cells[0][0] = 6
     options.clear()
     assert env.frame().persons == ((3, 3), (5, 1))
     assert env.frame().drones == ((1, 1), (2, 2))
@@ -281,7 +290,8 @@ def test_start_cells_apply_to_one_episode():
 
 
 def test_unknown_options_are_warned_about_and_ignored():
-    env, twin = make_env(EVERYTHING), make_env(EVERYTHING)
+    env = make_env(EVERYTHING)
+    twin = make_env(EVERYTHING)
     with pytest.warns(UserWarning, match="'wind'") as caught:
         seen = play(env, seed=1, options={"wind": 3, "vector": (0, 1)})
     assert len(caught) == 1
@@ -294,8 +304,10 @@ def test_rendering_never_changes_the_episode(mode, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setitem(DroneSwarmSearch.metadata, "render_fps", 1000)
     parameters = {**EVERYTHING, "timestep_limit": 6}
-    unseen, seen = make_env(parameters, render_mode=None), make_env(parameters, render_mode=mode)
-    rng, rng_of_seen = random.Random(1), random.Random(1)
+    unseen = make_env(parameters, render_mode=None)
+    seen = make_env(parameters, render_mode=mode)
+    rng = random.Random(1)
+    rng_of_seen = random.Random(1)
     for arguments in ({"seed": 4}, {}):
         assert plain(seen.reset(**arguments)) == plain(unseen.reset(**arguments))
         while unseen.agents:

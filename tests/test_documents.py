@@ -160,7 +160,9 @@ def write_drift(path: Path) -> None:
     from test_track_files import write  # skips the test without netCDF4
 
     rng = np.random.default_rng(0)
-    hours, metres = np.arange(13) / 6, np.array([55_800, 111_400])  # in a degree
+    # in a degree
+    hours = np.arange(13) / 6
+    metres = np.array([55_800, 111_400])
     velocity = rng.normal((900, 0), 200, (8000, 1, 2))
     away = rng.normal(0, 500, velocity.shape) + velocity * hours[:, None]
     ashore = away[..., 0] > 2500
@@ -226,7 +228,8 @@ def commands() -> list[Command]:
         for line in block.text.splitlines():
             program, *arguments = shlex.split(line, comments=True) or [""]
             if program == "droneswarmsearch":
-                program, arguments = "python", ["-m", "DroneSwarmSearch", *arguments]
+                program = "python"
+                arguments = ["-m", "DroneSwarmSearch", *arguments]
             ours = arguments[:2] == ["-m", "DroneSwarmSearch"] or arguments[:1] != ["-m"]
             if program == "python" and arguments and "&&" not in arguments and ours:
                 found.append(Command(page, arguments))
@@ -349,7 +352,8 @@ def run_python(arguments: list[str], folder: Path, timeout: float = TIMEOUT) -> 
         hide_the_display(patch)
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUTF8": "1", **QUIET_RAY}
     how = {"cwd": folder, "env": environment, "timeout": timeout, "encoding": "utf-8"}
-    command, stdin = [sys.executable, *arguments], subprocess.DEVNULL
+    command = [sys.executable, *arguments]
+    stdin = subprocess.DEVNULL
     run = subprocess.run(command, stdin=stdin, capture_output=True, check=False, **how)
     assert run.returncode == 0, run.stderr
     return run.stdout

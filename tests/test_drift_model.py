@@ -46,7 +46,8 @@ def test_forward_is_the_drift_of_a_belief(forecast, first, steps, seed):
 @settings(max_examples=50, derandomize=True)
 @given(forecasts(), st.integers(0, 12), st.integers(0, 99))
 def test_backward_is_the_adjoint_of_forward(forecast, step, seed):
-    mass, value = random_grid(forecast, seed), random_grid(forecast, seed + 1)
+    mass = random_grid(forecast, seed)
+    value = random_grid(forecast, seed + 1)
     now = float(np.vdot(forecast.backward(value, step), mass))
     assert now == pytest.approx(float(np.vdot(value, forecast.forward(mass, step))), rel=1e-12)
     np.testing.assert_allclose(forecast.backward(np.ones_like(mass), step), 1.0, rtol=1e-12)
@@ -66,7 +67,9 @@ def test_uniforms_select_right_left_or_stay():
     forecast = ProbabilityMatrix(9, Drift((4, 4), vector=(0.1, -0.1), diffusion=4 / 9))
     right, left, down, up = (chances[0] for chances in forecast.moves(0))
     eps = 1e-9
-    to_right, to_left, stay = right[4] - eps, right[4] + left[4] - eps, right[4] + left[4] + eps
+    to_right = right[4] - eps
+    to_left = right[4] + left[4] - eps
+    stay = right[4] + left[4] + eps
     for u, x in ((0.0, 5), (to_right, 5), (right[4] + eps, 3), (to_left, 3), (stay, 4), (0.999, 4)):
         assert forecast.walk(4 * 9 + 4, 0, [u], [0.9999]) == [4 * 9 + x]
     for v, y in ((0.0, 5), (down[4] + eps, 3), (down[4] + up[4] + eps, 4)):
@@ -95,7 +98,8 @@ def known(start: tuple[int, int], vector: tuple[float, float], diffusion: float)
 )
 def test_walks_are_distributed_as_the_matrix(person):
     """Pearson's chi-square over the cells that hold enough, at four steps of 4,000 walks."""
-    size, walks = 20, 4000
+    size = 20
+    walks = 4000
     forecast = ProbabilityMatrix(size, person.drift)
     rng = np.random.default_rng(20)
     paths = []
@@ -110,7 +114,8 @@ def test_walks_are_distributed_as_the_matrix(person):
         common = expected >= 5
         groups = np.append(counts[common], counts[~common].sum())
         means = np.append(expected[common], expected[~common].sum())
-        groups, means = groups[means > 0.5], means[means > 0.5]
+        groups = groups[means > 0.5]
+        means = means[means > 0.5]
         statistic = ((groups - means) ** 2 / means).sum()
         freedom = max(len(groups) - 1, 1)
         # Four standard deviations of a chi-square of that freedom, by Wilson and Hilferty.

@@ -48,7 +48,8 @@ def named(**changes: Any) -> NamedSearch:
     return NamedSearch("small", "For tests.", scenario, drones)
 
 
-MASKED, FLAT = View(action_mask=True), View(observation="flat")
+MASKED = View(action_mask=True)
+FLAT = View(observation="flat")
 ALONE = {"drones": ((0, 0),), "person_initial_position": (2, 2), "probability_of_detection": 0.8}
 
 
@@ -79,7 +80,9 @@ def alone(policy: Callable[[Any], dict[str, int]], each: NamedSearch, seed: int)
     """What an evaluation records, played in a single environment."""
     env = DroneSwarmSearch(scenario=each.scenario)
     observations, _ = env.reset(seed=seed, drones_positions=each.drones)
-    found_at, total, steps = [0] * len(each.scenario.persons_to_find), 0.0, 0
+    found_at = [0] * len(each.scenario.persons_to_find)
+    total = 0.0
+    steps = 0
     while env.agents:
         observations, rewards, *_ = env.step(policy(observations))
         steps += 1
@@ -150,7 +153,8 @@ def arrays_in(shown: Any, name: str = "") -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("kind", [SwarmVectorEnv, DroneVectorEnv])
 def test_policies_see_the_observations_of_the_vector_environments(kind, observation, masks):
     """All arrays, with the rows of the episodes that have not ended."""
-    each, n = named(bayesian_update=True), 8
+    each = named(bayesian_update=True)
+    n = 8
     how = {} if masks is None else {"action_mask": "observation", "right_of_way": masks}
     env = kind(n, observation=observation, autoreset_mode="Disabled", **how, **each.parameters)
     expected, _ = env.reset(seed=list(range(n)))
@@ -162,7 +166,8 @@ def test_policies_see_the_observations_of_the_vector_environments(kind, observat
     def policy(shown: Any) -> Any:
         nonlocal expected, under_way, over_early
         indices = (under_way[:, None] * per_swarm + np.arange(per_swarm)).reshape(-1)
-        seen, wanted = arrays_in(shown), arrays_in(expected)
+        seen = arrays_in(shown)
+        wanted = arrays_in(expected)
         rows = [seen.pop(key) for key in [*seen] if key.endswith("/row")]
         assert len(rows) == (kind is SwarmVectorEnv and observation == "dict")
         assert all(row.tolist() == under_way.tolist() for row in rows)
@@ -332,7 +337,8 @@ def test_comparisons_are_paired():
     """The interval of the difference is that of the differences, not of two samples."""
     rng = np.random.default_rng(0)
     times = rng.integers(1, 80, (400, 1)).repeat(2, axis=1)
-    slow, fast = made(times + 5, limit=100), made(times, limit=100, policy="fast")
+    slow = made(times + 5, limit=100)
+    fast = made(times, limit=100, policy="fast")
     got = compare(fast, slow)
     assert got.time.value == -5.0
     assert -6.0 < got.time.low < got.time.high < -4.0

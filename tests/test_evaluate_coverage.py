@@ -67,12 +67,14 @@ def test_metrics_are_those_of_the_single_environment(bayesian_update):
     search = mission(bayesian_update=bayesian_update)
     got = evaluated(Wanderer(), search)
     env = DroneSwarmSearch(scenario=search.scenario)
-    kinds, rates = set(), []
+    kinds = set()
+    rates = []
     for seed in range(30):
         policy = Wanderer()
         policy.reset(seed)
         shown, _ = env.reset(seed, drones_positions=DRONES)
-        success, searches = [0.0], []
+        success = [0.0]
+        searches = []
         while env.agents:
             actions = policy(shown)
             cells = [each["observation"][0] for each in shown.values()]

@@ -44,7 +44,8 @@ class Climber(SwarmPolicy):
         return Counter()
 
     def choose(self, memory: Any, cells: Any, matrix: Any) -> list[int]:
-        actions, taken = [], {*cells} if sum(memory.values()) < 16 else set()
+        actions = []
+        taken = {*cells} if sum(memory.values()) < 16 else set()
         for x, y in cells:
             ways = {(x, y): Action.SEARCH, (x + 1, y): Action.RIGHT, (x - 1, y): Action.LEFT}
             ways |= {(x, y + 1): Action.DOWN, (x, y - 1): Action.UP}
@@ -71,7 +72,8 @@ def dense(forecast: ProbabilityMatrix, step: int) -> np.ndarray:
 
 def curve_of(search: NamedSearch, actions: list[list[int]]) -> np.ndarray:
     """The success of recorded actions, one person."""
-    forecast, kept = search.scenario.forecasts()[0], 1 - search.scenario.detections[0]
+    forecast = search.scenario.forecasts()[0]
+    kept = 1 - search.scenario.detections[0]
     mass = forecast.joint(0).reshape(-1, search.scenario.grid_size**2)
     cells = [x + y * search.scenario.grid_size for x, y in search.drones]
     moves = {0: -1, 1: 1, 2: -search.scenario.grid_size, 3: search.scenario.grid_size}
@@ -218,7 +220,8 @@ def test_exact_values_have_no_interval():
 
 
 def test_differences_of_exact_values_are_exact():
-    one, other = evaluated(Climber), evaluated("greedy-posterior", seed=5)
+    one = evaluated(Climber)
+    other = evaluated("greedy-posterior", seed=5)
     got = compare(one, other)  # of different episodes
     for name in ("success", "time"):
         value = getattr(one, name).value - getattr(other, name).value

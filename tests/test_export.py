@@ -45,7 +45,8 @@ def storm(**changes: Any) -> NamedSearch:
 
 def decoded(data: dict[str, Any]) -> NDArray[np.float64]:
     """The maps of a file, shape (count, grid_size, grid_size), as its documentation says."""
-    maps, size = data["maps"], data["search"]["grid_size"]
+    maps = data["maps"]
+    size = data["search"]["grid_size"]
     differences = np.frombuffer(zlib.decompress(base64.b64decode(maps["data"])), np.uint8)
     percent = np.add.accumulate(differences.reshape(size**2, maps["count"]), 1, np.uint8)
     shares = percent.T.reshape(-1, size, size) / 100
@@ -58,7 +59,8 @@ def cell_of(place: tuple[int, int], grid_size: int) -> int:
 
 def check_against_the_environment(data: dict[str, Any], search: NamedSearch) -> None:
     """The recorded actions give the recorded episodes, in the environment."""
-    maps, size = decoded(data), search.scenario.grid_size
+    maps = decoded(data)
+    size = search.scenario.grid_size
     assert data["search"]["drones"] == [cell_of(cell, size) for cell in search.drones]
     for episode in data["episodes"]:
         for field in ("prior", "posterior"):
@@ -156,7 +158,8 @@ class TestErrors:
 
 class TestCommand:
     def test_it_writes_the_file(self, tmp_path, capsys):
-        path, same = tmp_path / "pond.json", tmp_path / "same.json"
+        path = tmp_path / "pond.json"
+        same = tmp_path / "same.json"
         policies = ["parallel-sweep", "greedy-matrix"]
         arguments = ["--policies", *policies, "--seeds", "0", "7", "--posterior"]
         assert command.main(["export", "pond", *arguments, "--out", str(path)]) == 0
@@ -191,7 +194,8 @@ class TestDocumentation:
         assert decoded(data).shape[0] == data["maps"]["count"]
 
     def test_the_command_writes_the_same_today(self, tmp_path):
-        policies, seeds = ["greedy-posterior", "parallel-sweep"], [0, 1]
+        policies = ["greedy-posterior", "parallel-sweep"]
+        seeds = [0, 1]
         search = SUITE["harbour"]
         today = export(policies, search, tmp_path / "harbour.json", seeds=seeds)
         committed = self.committed("harbour")
@@ -200,7 +204,8 @@ class TestDocumentation:
         chosen = [
             each for each in committed["episodes"] if (each["policy"], each["seed"]) in wanted
         ]
-        maps, committed_maps = decoded(today), decoded(committed)
+        maps = decoded(today)
+        committed_maps = decoded(committed)
         for one, other in zip(today["episodes"], chosen, strict=True):
             for field in ("prior", "posterior"):
                 shown = maps[one.pop(field)], committed_maps[other.pop(field)]

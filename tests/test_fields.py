@@ -90,15 +90,14 @@ def write(
             if level[0] in order:
                 best = np.abs(np.abs(level[1]) - (10 if level[0] == "height" else 0)).argmin()
                 right = (np.arange(len(level[1])) == best)[:, None, None]
-                values, usual = (
-                    values[:, None] * np.where(right, 1, 7),
-                    ["time", level[0], "lat", "lon"],
-                )
+                values = values[:, None] * np.where(right, 1, 7)
+                usual = ["time", level[0], "lat", "lon"]
             values = values.transpose([usual.index(each) for each in order])
             kind, fill = ("i2", -32768) if packed else ("f4", 1e20)
             variable = data.createVariable(f"var_{name}", kind, order, fill_value=fill)
             if packed:
-                variable.scale_factor, variable.add_offset = 2e-4, 0.5
+                variable.scale_factor = 2e-4
+                variable.add_offset = 0.5
             variable.setncatts({"standard_name": name, "units": "m s-1", **attributes})
             variable[:] = np.ma.masked_invalid(values)
     return path
@@ -123,7 +122,8 @@ def test_files_of_many_conventions_are_read(options, middle, tmp_path):
     path = write(tmp_path / "a.nc", shear, middle=middle, **options)
     field = Field.read(path, "current", Origin((HERE[0], middle), MIDNIGHT))
     rng = np.random.default_rng(0)
-    latitude, longitude = HERE[0] + rng.uniform(-0.1, 0.1, 50), middle + rng.uniform(-0.2, 0.2, 50)
+    latitude = HERE[0] + rng.uniform(-0.1, 0.1, 50)
+    longitude = middle + rng.uniform(-0.2, 0.2, 50)
     # North of the plane is north at its origin; elsewhere, the meridians have turned.
     turned = np.radians(longitude - middle) * math.sin(math.radians(HERE[0]))
     east, north = shear(9000.0, latitude, longitude)
@@ -140,9 +140,11 @@ def test_values_are_interpolated_up_to_the_last_of_each_axis(tmp_path):
         return np.array([axis == axis.max() for axis in (seconds, latitude)], float)
 
     field = Field.read(write(tmp_path / "a.nc", last), "current", Origin(HERE, MIDNIGHT))
-    latitude, longitude = HERE[0] + np.array([0.0, 0.15 - 0.005 / 4]), np.full(2, HERE[1])
+    latitude = HERE[0] + np.array([0.0, 0.15 - 0.005 / 4])
+    longitude = np.full(2, HERE[1])
     points = field.origin.plane.metres(latitude, longitude).T
-    end, step = 3600 * HOURS[-1], 1800.0
+    end = 3600 * HOURS[-1]
+    step = 1800.0
     for before, expected in ((0.25, [[0.75, 0.75], [0, 0.75]]), (1.0, [[0, 0], [0, 0.75]])):
         flow = field.velocity(end - before * step, points)
         assert flow == pytest.approx(np.array(expected), abs=1e-3)
@@ -152,11 +154,14 @@ def test_values_are_interpolated_up_to_the_last_of_each_axis(tmp_path):
 def test_particles_follow_the_exact_tracks(field, most, tmp_path):
     """Both fields are linear, so the mean of the particles drifts as a single one would."""
     incident = Incident(**KNOWN, current=write(tmp_path / "ocean.nc", field))
-    cloud, place, way = simulate(incident, 20_000, 0), np.zeros(2), 0.0
+    cloud = simulate(incident, 20_000, 0)
+    place = np.zeros(2)
+    way = 0.0
     for seconds in np.arange(3600.0, 3 * 3600.0, 5.0):
         middle = place + 2.5 * field(seconds, *incident.plane.degrees(place))
         move = 5 * field(seconds + 2.5, *incident.plane.degrees(middle))
-        place, way = place + move, way + float(np.hypot(*move))
+        place = place + move
+        way = way + float(np.hypot(*move))
     assert cloud.mean(7200) == pytest.approx(place, abs=most * way + 5)
     assert way > 1000
 

@@ -91,7 +91,8 @@ def margin(episodes: int) -> float:
 
 @pytest.mark.parametrize("setting", calibration.PACKAGES["DroneSwarmSearch"][1][::3])
 def test_this_package_is_at_the_floor(setting):
-    episodes, steps = 1500, 24
+    episodes = 1500
+    steps = 24
     seen = calibration.ours(setting, episodes, steps)
     distance = calibration.distances(seen)
     for step in range(steps + 1):

@@ -62,7 +62,8 @@ def test_the_map_is_cropped_to_where_things_happen(pictures):
 def test_the_outcome_is_shown_above_the_map(pictures):
     going = episode()
     ended = [going[0], replace(going[1], ending=Ending.FOUND)]
-    before, after = pictures(going)[-1], pictures(ended)[-1]
+    before = pictures(going)[-1]
+    after = pictures(ended)[-1]
     assert (after[:52] == FOUND).all(axis=2).mean() > 0.3
     assert before.shape == after.shape
     assert spread(before[:52], after[:52])[0] < 52

@@ -63,7 +63,8 @@ def free_effort(amount: float) -> Callable[[Floats], tuple[float, Floats]]:
     """The oracle of searchers without paths: a fixed effort in each step, in any cell."""
 
     def oracle(gains: Floats) -> tuple[float, Floats]:
-        flat, effort = gains.reshape(len(gains), -1), np.zeros_like(gains)
+        flat = gains.reshape(len(gains), -1)
+        effort = np.zeros_like(gains)
         effort.reshape(flat.shape)[np.arange(len(gains)), flat.argmax(axis=1)] = amount
         return amount * float(flat.max(axis=1).sum()), effort
 
@@ -73,7 +74,8 @@ def free_effort(amount: float) -> Callable[[Floats], tuple[float, Floats]]:
 class TestFreeEffort:
     """Without paths, the method solves the classical problem of optimal search effort."""
 
-    SIDE, SIGMA = 27, 3.5
+    SIDE = 27
+    SIGMA = 3.5
 
     @classmethod
     def normal(cls) -> Floats:

@@ -71,10 +71,12 @@ class TestChoice:
 
 
 def test_remembers_a_search_that_the_matrix_does_not_show_until_a_new_episode():
-    here, there = (1, 3), (2, 3)
+    here = (1, 3)
+    there = (2, 3)
     peaks = {here: 0.2, there: 0.19, (6, 6): 0.01}
     policy = GreedyPolicy(Scenario(grid_size=7, n_drones=1))
-    search, away = {"drone0": int(Action.SEARCH)}, {"drone0": int(Action.RIGHT)}
+    search = {"drone0": int(Action.SEARCH)}
+    away = {"drone0": int(Action.RIGHT)}
     assert policy(seen(7, [here], peaks)) == search
     assert policy(seen(7, [here], peaks)) == away
     policy.reset()
@@ -120,10 +122,14 @@ class TestForecastGreedy:
             Person(Drift((9, 2), start_sd=1, vector=(0.1, 0.5), diffusion=0.3), 0.9),
         ]
         scenario = Scenario(16, n_drones=1, persons=persons, timestep_limit=60, mission="coverage")
-        policy, tracker, cell = ForecastGreedyPolicy(scenario), BeliefTracker(scenario), (15, 0)
+        policy = ForecastGreedyPolicy(scenario)
+        tracker = BeliefTracker(scenario)
+        cell = (15, 0)
         for _ in range(55):
             steps = scenario.timestep_limit - tracker.step - 1
-            ahead, best, target = tracker.success_ahead(steps), -1.0, cell
+            ahead = tracker.success_ahead(steps)
+            best = -1.0
+            target = cell
             near = {
                 (x, y): abs(x - cell[0]) + abs(y - cell[1]) for y in range(16) for x in range(16)
             }
@@ -131,7 +137,8 @@ class TestForecastGreedy:
             worthwhile = WORTHWHILE_ON_ARRIVAL * max(arrivals.values())
             for there, success in arrivals.items():
                 if success >= worthwhile and success * DISCOUNT ** near[there] > best:
-                    best, target = success * DISCOUNT ** near[there], there
+                    best = success * DISCOUNT ** near[there]
+                    target = there
             (action,) = policy(observations([cell], tracker.matrix())).values()
             tracker.update([cell], [action])
             ahead_cell = target_of(cell, action)

@@ -96,7 +96,8 @@ def test_the_batch_equals_gymnasiums_vector_of_single_drones(arguments):
     assert batch.observation_space == vector.observation_space
     seen, infos = batch.reset(seed=3)
     wanted, their_infos = vector.reset(seed=3)
-    rng, ended = np.random.default_rng(1), 0
+    rng = np.random.default_rng(1)
+    ended = 0
     for _ in range(30):
         assert plain(seen) == plain(wanted)
         if in_observations:  # single drones have them in the infos, too

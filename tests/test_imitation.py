@@ -26,7 +26,8 @@ def layers(*widths: int, seed: int = 0) -> Layers:
 
 def network_layers(*hidden: int, seed: int = 0) -> Layers:
     """Random layers of a network: the last one also sees the inputs."""
-    rng, made = np.random.default_rng(seed), layers(INPUTS, *hidden, 2, seed=seed)
+    rng = np.random.default_rng(seed)
+    made = layers(INPUTS, *hidden, 2, seed=seed)
     weights, biases = made[-1]
     skip = rng.normal(size=(INPUTS, 2)).astype(np.float32)
     return [*made[:-1], (np.concatenate([weights, skip]), biases)]
@@ -40,7 +41,8 @@ class TestNetwork:
     def test_is_a_perceptron_whose_last_layer_also_sees_the_inputs(self):
         (first, bias), (second, offset) = made = network_layers(4)
         seen = np.random.default_rng(1).random((3, INPUTS)).astype(np.float32)
-        moves, searches = [], []
+        moves = []
+        searches = []
         for view in VIEWS:  # right, down, left, up
             hidden = seen[:, view] @ first + bias
             assert (hidden < 0).any()

@@ -43,7 +43,8 @@ def test_the_untrained_agent_is_greedy(example):
 
 def test_the_package_runs_the_trained_network(example, tmp_path):
     torch.manual_seed(3)
-    agent, obs = example.Agent(), torch.rand(7, INPUTS)
+    agent = example.Agent()
+    obs = torch.rand(7, INPUTS)
     for parameter in agent.parameters():
         torch.nn.init.normal_(parameter, std=0.1)
     agent.network().save(tmp_path / "weights.npz")

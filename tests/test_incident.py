@@ -59,8 +59,10 @@ def plan():
 @pytest.mark.parametrize("latitude", [0.0, 54.2, -69.5, 84.0])
 @pytest.mark.parametrize(("distance", "most"), [(1e3, 1e-4), (5e4, 0.6), (1e5, 4.2)])
 def test_the_plane_agrees_with_the_ellipsoid(latitude, distance, most):
-    longitude, count = 179.9, 32
-    plane, azimuths = TangentPlane(latitude, longitude), np.linspace(0, 360, count)
+    longitude = 179.9
+    count = 32
+    plane = TangentPlane(latitude, longitude)
+    azimuths = np.linspace(0, 360, count)
     there = GEOD.fwd(*np.tile([[longitude], [latitude]], count), azimuths, np.full(count, distance))
     metres = plane.metres(there[1], there[0])
     angles = np.radians(azimuths)
@@ -83,11 +85,13 @@ def test_north_is_north_where_the_search_is():
         position_sd=50,
         endurance=60,
     )
-    cloud, hours = simulate(incident, 20_000, 0), 12.0
+    cloud = simulate(incident, 20_000, 0)
+    hours = 12.0
     east, north = cloud.mean(hours * 3600)
     latitude, longitude = incident.plane.degrees((east, north))
     speed = leeway.CLASSES["PIW-6"].speeds(20).downwind
-    there, here = 20.0, 70.0
+    there = 20.0
+    here = 70.0
     for _ in range(100):  # along the parallel
         there, here, _ = GEOD.fwd(there, here, 90.0, speed * 36 * hours)
     assert GEOD.inv(there, here, longitude, latitude)[2] < 60
@@ -98,7 +102,8 @@ def test_north_is_north_where_the_search_is():
 )
 def test_particles_have_the_moments_of_the_leeway_model(name):
     """Without jibing to speak of: an hour adrift, against the formulas of `ObjectClass.speeds`."""
-    wind, hours = np.array([6.0, -8.0]), 0.5
+    wind = np.array([6.0, -8.0])
+    hours = 0.5
     known = {"position": (0, 0), "time": NOON, "start": NOON + timedelta(hours=hours)}
     incident = Incident(
         **known,
@@ -155,7 +160,8 @@ def test_flows_are_read_as_they_are_typed(tmp_path):
     (tmp_path / "wind.csv").write_text(
         "time, direction, speed\n2026-03-01T05:30Z, 300, 25kn\n2026-03-01T08:00Z, 320, 30 kn\n"
     )
-    first, second = wind_from(300, 25 * KNOT), wind_from(320, 30 * KNOT)
+    first = wind_from(300, 25 * KNOT)
+    second = wind_from(320, 30 * KNOT)
     series = {0.0: first, 9000.0: second}
     for typed, expected in (
         ("300 25kn", first),
@@ -226,7 +232,8 @@ def test_every_leg_can_be_flown_in_the_wind_and_the_drone_returns(
         way = then[1:] - now[1:]
         if np.hypot(*way) < 1:
             continue
-        before, unit = unit, way / np.hypot(*way)
+        before = unit
+        unit = way / np.hypot(*way)
         turned = 0.0 if before is None else math.acos(np.clip(before @ unit, -1, 1))
         seconds = then[0] - now[0] - turned / (math.pi / 2) * turn
         blows = drone.wind(np.linspace(now[0], then[0], 9), np.zeros((2, 9))).mean(axis=1)
@@ -239,7 +246,8 @@ def test_every_leg_can_be_flown_in_the_wind_and_the_drone_returns(
 def test_patterns_are_those_of_the_manual(kind):
     """To starboard from a first leg to the north: where the first legs end, in units of 100 m."""
     pattern = Pattern(kind, np.zeros(2), 0.0, 500.0, 100.0, 3, 1, np.zeros(2))
-    half, wide = 2.5, 5 * math.sqrt(3) / 2
+    half = 2.5
+    wide = 5 * math.sqrt(3) / 2
     expected = {
         PARALLEL: [(0, 5), (1, 5), (1, 0), (2, 0), (2, 5), (2, 0), (1, 0), (1, 5), (0, 5), (0, 0)],
         SQUARE: [(0, 1), (1, 1), (1, -1), (-1, -1), (-1, 2), (2, 2)],
@@ -257,7 +265,9 @@ def test_drones_fly_at_heights_of_their_own_and_search_between(plan):
         assert {each.altitude for each in flight} == {100 + 20 * number}
         assert [each.searching for each in flight] == [False, *[True] * (len(flight) - 2), False]
         assert 5 < len(flight) <= 45
-        first, scene, last = flight[0], flight[1], flight[-1]
+        first = flight[0]
+        scene = flight[1]
+        last = flight[-1]
         for text in (
             f"Drone {number + 1}: ",
             f"commence search point {units.radioed((scene.latitude, scene.longitude))}",
@@ -285,7 +295,8 @@ def found(plan: FlightPlan, persons: int = 20_000, seed: int = 5) -> float:
             for share in (np.arange(pieces) + 0.5) / max(pieces, 1):
                 at = seconds[leg] + share * (seconds[leg + 1] - seconds[leg])
                 away = cloud.at(at) - points[leg] - share * way
-                along, across = away @ way / length, away @ (way[::-1] * [1, -1]) / length
+                along = away @ way / length
+                across = away @ (way[::-1] * [1, -1]) / length
                 here = np.abs(along) <= length / pieces / 2
                 passed += here & (np.abs(across) <= incident.swath / 2)
     missed = (1 - incident.probability_of_detection) ** passed
@@ -311,7 +322,8 @@ def test_simulated_persons_are_found_as_often_as_stated(values):
 
 def test_plans_beat_a_rectangle_around_the_middle(plan):
     """Parallel tracks of a swath around the mean of the particles, the same for both drones."""
-    incident, pattern = plan.incident, plan.patterns[0]
+    incident = plan.incident
+    pattern = plan.patterns[0]
     middle = plan.particles.mean(incident.seconds(incident.start) + incident.endurance / 2)
     usual = replace(
         pattern, start=middle - 1000, heading=0.0, length=2000.0, spacing=200.0, legs=11
@@ -401,7 +413,8 @@ def test_an_incident_survives_its_file(plan, tmp_path):
 
 
 def test_tracks_take_the_place_of_class_and_current(tmp_path):
-    rng, times = np.random.default_rng(0), 120
+    rng = np.random.default_rng(0)
+    times = 120
     start = np.array([179.99, 10.0]) + rng.normal(0, 0.01, (2000, 1, 2))
     degrees = start + np.linspace(0, 0.02, times)[:, None] * [1, 0.5]
     degrees[..., 0] = (degrees[..., 0] + 180) % 360 - 180
@@ -440,7 +453,8 @@ def test_files_of_tracks_may_have_any_name(tmp_path):
 def test_the_search_on_a_grid_has_the_particles_as_tracks():
     incident = Incident(**KNOWN)
     search = search_on_grid(incident)
-    scenario, metres = search.scenario, search.scale.metres_per_cell
+    scenario = search.scenario
+    metres = search.scale.metres_per_cell
     assert isinstance(scenario, Scenario) and scenario.n_drones == 3 and metres == 200
     (person,) = scenario.persons
     assert person.probability_of_detection == 0.8

@@ -163,7 +163,8 @@ ACTIONS = [[4, 5], [1, 4], [4, 5], [4, 4], [2, 2]]
 
 @pytest.mark.parametrize("parameters", BATCHES.values(), ids=BATCHES)
 def test_an_interrupted_step_of_a_batch(parameters):
-    batch, new = made_batch(parameters), made_batch(parameters)
+    batch = made_batch(parameters)
+    new = made_batch(parameters)
     new.reset(range(20, 20 + ROWS))
     expected = seen(new)
     after = copy.deepcopy(batch)

@@ -88,7 +88,8 @@ def test_a_rerun_reads_everything_from_the_folder(tmp_path, monkeypatch):
         where = ["pond", "fog"]
         return leaderboard(policies, where, episodes=20, out=tmp_path, progress=False)
 
-    first, again = board("random"), board("random")
+    first = board("random")
+    again = board("random")
     assert [each.call_count for each in calls.values()] == [2, 2]
     for one, other in zip(first.evaluations, again.evaluations, strict=True):
         assert one.summary == other.summary

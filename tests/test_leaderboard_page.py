@@ -84,7 +84,8 @@ def test_open_problems_are_the_gaps_to_the_bounds_the_largest_first():
     for search in {search for _, search in rows()}:
         mine = [row for (name, of), row in rows().items() if of == search and name not in submitted]
         found = {row["policy"]: 100 * float(row["success"]) for row in mine}
-        bound, plan = 100 * float(mine[0]["bound"]), found.pop("planner")
+        bound = 100 * float(mine[0]["bound"])
+        plan = found.pop("planner")
         lead = plan - max(found.values())
         assert lead > 0.0
         figures = [f"{each:.1f}" for each in (plan, bound, bound - plan)]

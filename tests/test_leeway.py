@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from DroneSwarmSearch import Drift, Person, Scale, geo, leeway
 
-NAN, INF = math.nan, math.inf
+NAN = math.nan
+INF = math.inf
 SCALE = Scale(130, 13)
 USUAL: dict[str, Any] = {"start": (30, 30), "wind": (6, -8), "scale": SCALE}
 
@@ -130,7 +131,8 @@ def drifted(kind, wind_at, hours, rate, count):
     """Positions (east, north) in metres of objects of the full model, in steps of six minutes."""
     rng = np.random.default_rng(7)
     errors = rng.normal(size=(2, count))  # for life
-    positions, on_left = np.zeros((count, 2)), rng.random(count) < 0.5
+    positions = np.zeros((count, 2))
+    on_left = rng.random(count) < 0.5
     for time in np.arange(0.05, hours, 0.1):
         wind = np.array(wind_at(time))
         downwind = wind / math.hypot(*wind)
@@ -213,7 +215,8 @@ def test_without_jibes_there_are_only_the_sides(changes):
 
 def test_a_series_is_linear_between_its_times():
     """Each step has the value in its middle; it is constant before the first and after the last."""
-    scale, calm = Scale(100, 10), {"start": (30, 30), "wind": (0, 0)}
+    scale = Scale(100, 10)
+    calm = {"start": (30, 30), "wind": (0, 0)}
     currents = {20: (1, 0), 40: (3, -2)}
     (drift,) = leeway.person("PIW-1", **calm, current=currents, scale=scale).drift.drifts
     rows = [(0.1, 0), (0.1, 0), (0.15, 0.05), (0.25, 0.15), (0.3, 0.2)]

@@ -16,7 +16,8 @@ from DroneSwarmSearch.paths.best_paths import DronePath
 Floats = np.ndarray
 Case = tuple[Trajectories, float, int, np.random.Generator]
 
-SIZE, STEPS = 3, 4
+SIZE = 3
+STEPS = 4
 
 
 @cache
@@ -24,7 +25,8 @@ def every_path(start: int) -> list[DronePath]:
     """Every path without idling that stays in the grid."""
     paths = []
     for actions in product(range(5), repeat=STEPS):
-        cells, searches = [start], []
+        cells = [start]
+        searches = []
         for action in actions:
             y, x = divmod(cells[-1], SIZE)
             dx, dy = (*MOVES, (0, 0))[action]
@@ -45,7 +47,8 @@ def looks(path: DronePath, cells: Floats) -> Floats:
 
 def collected_by_hand(path: DronePath, cells: Floats, detection: float, memory: int) -> Floats:
     """The credits and searches along each trajectory, from their definition."""
-    total, each = np.zeros((2, cells.shape[1])), looks(path, cells)
+    total = np.zeros((2, cells.shape[1]))
+    each = looks(path, cells)
     for step, now in enumerate(each):
         earlier = each[max(step - memory, 0) : step].sum(axis=0)
         total += now * [detection * (1 - detection) ** earlier, np.ones(cells.shape[1])]
@@ -92,9 +95,11 @@ def test_no_path_gains_more_than_the_best_one(case):
 def test_a_soft_flow_is_a_mixture_of_all_paths(case):
     """A path's share is proportional to exp(what it gains); the flow collects the mean."""
     trajectories, detection, memory, rng = case
-    count, starts = len(trajectories.probabilities), [0, 4]
+    count = len(trajectories.probabilities)
+    starts = [0, 4]
     drones = RememberingDrones(trajectories, SIZE, detection, starts, memory)
-    weights, part = rng.random((2, count)), slice(count // 3, None)
+    weights = rng.random((2, count))
+    part = slice(count // 3, None)
     sums = drones.sums(weights[:, part], part)
     weights[:, : count // 3] = 0.0
     mean = np.zeros((2, count))
@@ -116,11 +121,13 @@ def test_a_soft_flow_is_a_mixture_of_all_paths(case):
 @given(cases())
 def test_fewer_steps_are_those_of_fewer_cells(case):
     (cells, probabilities), detection, memory, rng = case
-    starts, weights = [0, 4], rng.random((2, len(probabilities)))
+    starts = [0, 4]
+    weights = rng.random((2, len(probabilities)))
     whole = RememberingDrones(Trajectories(cells, probabilities), SIZE, detection, starts, memory)
     short = Trajectories(cells[: STEPS - 2], probabilities)
     fewer = RememberingDrones(short, SIZE, detection, starts, memory)
-    sums, until = whole.sums(weights), whole.until(STEPS - 2)
+    sums = whole.sums(weights)
+    until = whole.until(STEPS - 2)
     assert until.most(sums) == pytest.approx(fewer.most(fewer.sums(weights)), rel=1e-6)
     flows = until.soft_flow(sums), fewer.soft_flow(fewer.sums(weights))
     collected = until.collected(flows[0]), fewer.collected(flows[1])

@@ -45,7 +45,8 @@ def success(collected: Floats, detection: float) -> Floats:
     st.integers(0, 2**32),
 )
 def test_tangents_lie_above_and_nearly_touch(q, width, seed):
-    rng, objective = np.random.default_rng(seed), TrajectoryObjective(q)
+    rng = np.random.default_rng(seed)
+    objective = TrajectoryObjective(q)
     searches = rng.choice([0.3, 2.0, 9.0]) * rng.random((2, 300))
     # Credits are at most q for each search.
     point, other = (np.array([q * each * rng.random(300) ** 0.2, each]) for each in searches)
@@ -61,7 +62,8 @@ def test_tangents_lie_above_and_nearly_touch(q, width, seed):
 @pytest.mark.parametrize("detection", [1.0, 0.6])
 def test_no_mixture_exceeds_the_bound(detection):
     drones = drones_on(enumerate_trajectories(forecast_of(OF), 5), detection)
-    objective, rng = TrajectoryObjective(detection), np.random.default_rng(0)
+    objective = TrajectoryObjective(detection)
+    rng = np.random.default_rng(0)
     solved = mirror_ascent(drones, objective, gap=0.002, iterations=300)
     assert 0.1 < solved.value <= solved.upper_bound <= 1.01 * solved.value
     intercept, slopes = solved.tangents
@@ -76,7 +78,8 @@ def test_no_mixture_exceeds_the_bound(detection):
 
 def test_batches_lead_to_the_same_maximum():
     """All trajectories, a sample as a whole, and in batches, which still are one sample."""
-    model, objective = forecast_of(OF), TrajectoryObjective(0.6)
+    model = forecast_of(OF)
+    objective = TrajectoryObjective(0.6)
     exact = mirror_ascent(
         drones_on(enumerate_trajectories(model, 5)), objective, gap=0.002, iterations=300
     )

@@ -52,7 +52,8 @@ def test_the_cells_run_in_order(notebook, tmp_path, monkeypatch):
         for block in blocks("python")
         if block.name.startswith("docs/tutorial.md")
     }
-    shown, ran = [], set()
+    shown = []
+    ran = set()
     for cell in notebook["cells"]:
         if cell["cell_type"] == "code":
             source = "".join(cell["source"])

@@ -35,7 +35,8 @@ def test_tracks_drift_as_the_coefficients_state(example, wind):
 
     velocity = tracks[-1] / 7200 - incident.current
     downwind = np.array(wind) / np.hypot(*wind)
-    along, right = velocity @ downwind, velocity @ (downwind[1], -downwind[0])
+    along = velocity @ downwind
+    right = velocity @ (downwind[1], -downwind[0])
     speeds = leeway.CLASSES["PIW-4"].speeds(float(np.hypot(*wind)))
     assert along.mean() == pytest.approx(speeds.downwind, abs=0.002)
     assert along.std() == pytest.approx(speeds.downwind_sd, abs=0.002)
@@ -83,7 +84,8 @@ def test_a_person_in_a_tide_and_a_wind_that_turns_drifts_like_opendrift(name):
     from opendrift.models.leeway import Leeway
     from opendrift.readers import reader_timeseries
 
-    hours, start = range(13), datetime(2026, 1, 1)
+    hours = range(13)
+    start = datetime(2026, 1, 1)
     winds = {3600 * hour: (9 - 1.2 * hour, -3 - 0.5 * hour) for hour in hours}
     phases = 2 * np.pi * np.array(hours) / 12.4
     tide = {3600 * h: (0.5 * np.cos(phases[h]), 0.1 * np.sin(phases[h])) for h in hours}
@@ -100,11 +102,13 @@ def test_a_person_in_a_tide_and_a_wind_that_turns_drifts_like_opendrift(name):
     steps = {"time_step": 600, "time_step_output": 3600, "export_variables": ["lon", "lat"]}
     model.run(duration=timedelta(hours=12), **steps)
     degrees = np.stack([model.result.lon.values.T, model.result.lat.values.T], axis=-1)
-    scale, known = Scale(130, 13), {"start": (0.0, 0.0), "position_sd": 250, "diffusivity": 0}
+    scale = Scale(130, 13)
+    known = {"start": (0.0, 0.0), "position_sd": 250, "diffusivity": 0}
     for hour in (3, 6, 9, 12):
         sea_at = {"wind": winds, "current": tide, "adrift": 3600 * hour, "scale": scale}
         person = leeway.person(name, **known, **sea_at)
-        means, squares = [], []
+        means = []
+        squares = []
         for drift in person.drift.drifts:
             sums = []
             for series in (drift.vector, drift.vector_sd):

@@ -17,7 +17,10 @@ def example():
 
 def test_rollouts_hold_masked_actions_and_expected_rewards(example):
     torch.manual_seed(0)
-    envs, agent, data, ended = example.make_envs(6), example.Agent(), {}, []
+    envs = example.make_envs(6)
+    agent = example.Agent()
+    data = {}
+    ended = []
     observations, _ = envs.reset(seed=0)
     total = 0.0
     for _ in range(3):  # an episode has 80 steps
@@ -35,7 +38,8 @@ def test_returns_are_sums_of_rewards_until_the_end(example, monkeypatch):
     """Without a discount, and whatever the critic says."""
     monkeypatch.setattr(example, "GAMMA", 1.0)
     monkeypatch.setattr(example, "GAE_LAMBDA", 1.0)
-    rewards, dones = torch.rand(example.NUM_STEPS, 2), torch.zeros(example.NUM_STEPS, 2).bool()
+    rewards = torch.rand(example.NUM_STEPS, 2)
+    dones = torch.zeros(example.NUM_STEPS, 2).bool()
     dones[4, 0] = True
     data = {"rewards": rewards, "dones": dones, "values": torch.rand(example.NUM_STEPS, 2)}
     example.add_advantages(data, torch.tensor([5.0, 7.0]))

@@ -65,14 +65,17 @@ def lab(colours: ArrayLike, sight: str) -> Floats:
 
 def difference(one: ArrayLike, other: ArrayLike) -> Floats:
     """CIEDE2000 between colours in CIELAB, by the formulas of Sharma, Wu and Dalal, 2005."""
-    (l1, a1, b1), (l2, a2, b2) = np.asarray(one).T, np.asarray(other).T
+    l1, a1, b1 = np.asarray(one).T
+    l2, a2, b2 = np.asarray(other).T
     chroma = (np.hypot(a1, b1) + np.hypot(a2, b2)) / 2
     more = 1.5 - np.sqrt(chroma**7 / (chroma**7 + 25.0**7)) / 2
-    c1, c2 = np.hypot(more * a1, b1), np.hypot(more * a2, b2)
+    c1 = np.hypot(more * a1, b1)
+    c2 = np.hypot(more * a2, b2)
     h1, h2 = (np.degrees(np.arctan2(b, more * a)) for a, b in ((a1, b1), (a2, b2)))
     turn = np.where(c1 * c2 == 0, 0.0, (h2 - h1 + 180) % 360 - 180)
     hue = np.where(c1 * c2 == 0, h1 + h2, h1 + turn / 2)
-    light, chroma = (l1 + l2) / 2, (c1 + c2) / 2
+    light = (l1 + l2) / 2
+    chroma = (c1 + c2) / 2
     waves = ((-0.17, 1, -30), (0.24, 2, 0), (0.32, 3, 6), (-0.20, 4, -63))
     t = 1 + sum(size * np.cos(np.radians(n * hue + phase)) for size, n, phase in waves)
     by_light = (l2 - l1) / (1 + 0.015 * (light - 50) ** 2 / np.sqrt(20 + (light - 50) ** 2))

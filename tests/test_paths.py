@@ -12,7 +12,8 @@ Board = tuple[np.ndarray, np.ndarray, np.ndarray, list[list[int]]]
 def all_paths(board, start, step=0, just_searched=False):
     """All paths of a drone with their gains: staying first, then left, right, up, down."""
     gains, again, at_end, blocked = board
-    n, size = len(gains), gains.shape[-1]
+    n = len(gains)
+    size = gains.shape[-1]
     y, x = divmod(start, size)
     if step == n:
         yield float(at_end[y, x]), [start], []
@@ -31,7 +32,8 @@ def all_paths(board, start, step=0, just_searched=False):
 @st.composite
 def boards(draw: st.DrawFn) -> Board:
     """Gains, final values and blocked cells. Whole numbers make sums exact and ties frequent."""
-    size, n = draw(st.integers(2, 3)), draw(st.integers(1, 4))
+    size = draw(st.integers(2, 3))
+    n = draw(st.integers(1, 4))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     gains = rng.integers(0, draw(st.integers(1, 9)) + 1, (n, size, size)).astype(float)
     again = np.floor(gains * draw(st.sampled_from([0.0, 0.4, 1.0])))
@@ -52,7 +54,8 @@ def boards(draw: st.DrawFn) -> Board:
 def test_the_best_path_is_the_first_of_all_best_paths(board):
     gains, again, at_end, blocked = board
     # Two gains at once; the second ones are twice the first.
-    both, taken = np.stack([gains, 2.0 * gains], axis=1), [[(..., cells)] for cells in blocked]
+    both = np.stack([gains, 2.0 * gains], axis=1)
+    taken = [[(..., cells)] for cells in blocked]
     repeated = np.stack([again, 2.0 * again], axis=1)
     values = values_to_go(both, at_end, taken, again=repeated)
     assert values.shape == (2, len(gains) + 1, 2, *at_end.shape)

@@ -107,7 +107,8 @@ class TestCells:
         assert (cells[0], cells[-1]) == (start, end)
         assert len(cells) == abs(end[0] - start[0]) + abs(end[1] - start[1]) + 1
         assert all(adjacent(a, b) for a, b in pairwise(cells))
-        across, down = end[0] - start[0], end[1] - start[1]
+        across = end[0] - start[0]
+        down = end[1] - start[1]
         for x, y in cells:
             off = abs((x - start[0]) * down - (y - start[1]) * across)
             assert off <= 0.75 * (math.hypot(across, down) or 1)
@@ -165,7 +166,8 @@ def policy_for(kind: type[PatternPolicy], n_drones: int, **changes: Any) -> Patt
 
 def recorded_routes(policy: PatternPolicy) -> list[tuple[Datum, list[list[list[Cell]]]]]:
     """A list that receives the datum and the routes each time the policy lays out tracks."""
-    recorded, routes = [], policy.routes
+    recorded = []
+    routes = policy.routes
 
     def record(datum: Datum, passes: int) -> list[list[list[Cell]]]:
         recorded.append((datum, routes(datum, passes)))
@@ -200,7 +202,8 @@ def test_legs_of_ps_are_along_the_longer_side_and_of_cs_along_the_shorter(kind, 
 
 def test_the_expanding_square_is_repeated_turned_by_45_degrees():
     policy = policy_for(ExpandingSquarePolicy, 1)
-    ((first,),), ((second,),) = policy.routes(WIDE, 0), policy.routes(WIDE, 1)
+    ((first,),) = policy.routes(WIDE, 0)
+    ((second,),) = policy.routes(WIDE, 1)
     assert first[0] == second[0] == (20, 18)
     # Against the drift, which is mainly to the right; then by 45° further to the right.
     assert first[1] == (19, 18)

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 import DroneSwarmSearch
 from DroneSwarmSearch import Drift, Person
 
-NAN, INF = math.nan, math.inf
+NAN = math.nan
+INF = math.inf
 PRIOR = np.arange(9.0).reshape(3, 3)
 TIDE = Drift((3, 4), start_sd=1, vector={0: (0.4, 0), 4: (-0.4, 0.2)}, adrift=2, diffusion=0.1)
 UNCERTAIN = Drift((3.5, -2), start_sd=(1, 2), vector=(0.1, 0.2), vector_sd=0.05, diffusion=0.1)

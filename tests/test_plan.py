@@ -34,7 +34,8 @@ def starts_of(of: NamedSearch) -> list[int]:
 
 def random_paths(of: NamedSearch, steps: int, seed: int) -> list[DronePath]:
     """Legal paths that search in about every other step."""
-    rng, size = random.Random(seed), of.scenario.grid_size
+    rng = random.Random(seed)
+    size = of.scenario.grid_size
 
     def act(seen: dict[str, Any]) -> dict[str, int]:
         return careful_actions(rng, seen, size)
@@ -76,7 +77,8 @@ def test_value_and_success_are_the_sums_over_all_trajectories(plan_of, weight):
 def test_annealing_keeps_paths_legal_and_values_exact(plan_of, seed, heat):
     of, paths, worth = plan_of
     plan = JointPlan(targets_of(of, worth=worth), 0, paths)
-    value, fractions = plan.value(), []
+    value = plan.value()
+    fractions = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("DroneSwarmSearch.paths.joint_plan.TRIES", ((heat, 1.0), (0.1, 0.5)))
         plan.anneal(0.02, np.random.default_rng(seed), on_progress=fractions.append)
@@ -95,7 +97,8 @@ def test_the_better_try_counts(monkeypatch):
         [(0, 0), (11, 11)], grid_size=12, timestep_limit=24,
         person_initial_position=(5, 6), vector=(0.2, -0.1), disperse_constant=5,
     )  # fmt: skip
-    little, much = (0.1, 0.02), (0.1, 1.0)
+    little = (0.1, 0.02)
+    much = (0.1, 1.0)
 
     def found(*tries: tuple[float, float]) -> float:
         monkeypatch.setattr("DroneSwarmSearch.paths.joint_plan.TRIES", tries)

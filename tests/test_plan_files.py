@@ -21,7 +21,8 @@ from DroneSwarmSearch.rendering.palette import drone_colour
 pytest.importorskip("cmaes")
 
 GEOD = pyproj.Geod(ellps="WGS84")
-NORTH_SEA, FIJI = (54.18, 7.85), (-17.0, 180.0)
+NORTH_SEA = (54.18, 7.85)
+FIJI = (-17.0, 180.0)
 MILLISECOND = timedelta(milliseconds=1)
 
 
@@ -96,7 +97,9 @@ def test_kml_is_valid_and_shows_flights_in_time(plan, folder):
 def test_the_map_in_kml_lies_where_the_grid_does(plan, folder):
     overlays = list(find_all(kml.KML.parse(folder / "plan.kml"), of_type=GroundOverlay))
     matrix, (west, south), (east, north) = plan.density(plan.on_scene)
-    opacity, size, half = [], len(matrix), (east - west) / 2
+    opacity = []
+    size = len(matrix)
+    half = (east - west) / 2
     half += np.hypot(east + west, north + south) / 2  # from the last known position
     for overlay in overlays:
         picture = pygame.image.load(folder / overlay.icon.href)
@@ -112,8 +115,10 @@ def test_the_map_in_kml_lies_where_the_grid_does(plan, folder):
         )
     corners = [(west, north), (east, north), (west, south), (east, south)]
     latitudes, longitudes = plan.incident.plane.degrees(corners).T
-    west, east = boxes[0].west, boxes[-1].east
-    north, south = boxes[0].north, boxes[0].south
+    west = boxes[0].west
+    east = boxes[-1].east
+    north = boxes[0].north
+    south = boxes[0].south
     box = [west, east, west, east], [north, north, south, south]
     most = 1.1 * half**2 * abs(np.tan(np.radians(plan.incident.position[0]))) / 6.37e6
     assert max(GEOD.inv(*box, longitudes, latitudes)[2]) < most + 0.2
@@ -130,9 +135,11 @@ def test_geojson_has_lines_and_waypoints(plan, folder):
     assert known["geometry"]["coordinates"] == list(plan.incident.position[::-1])
     for drone, flight in enumerate(plan.flights, 1):
         line, *waypoints = [each for each in features if each["properties"]["drone"] == drone]
-        shape, properties = shapely.geometry.shape(line["geometry"]), line["properties"]
+        shape = shapely.geometry.shape(line["geometry"])
+        properties = line["properties"]
         assert shape.is_valid
-        latitudes, longitudes = [w.latitude for w in flight], [w.longitude for w in flight]
+        latitudes = [w.latitude for w in flight]
+        longitudes = [w.longitude for w in flight]
         length = GEOD.line_length(longitudes, latitudes)
         assert properties["distance_m"] == pytest.approx(length, abs=1)
         parts = shapely.get_parts(shape)
@@ -146,7 +153,8 @@ def test_geojson_has_lines_and_waypoints(plan, folder):
         assert abs(when(properties["take_off_utc"]) - flight[0].time) < MILLISECOND
         assert abs(when(properties["landing_utc"]) - flight[-1].time) < MILLISECOND
         for number, (each, waypoint) in enumerate(zip(waypoints, flight, strict=True)):
-            point, properties = shapely.geometry.shape(each["geometry"]), each["properties"]
+            point = shapely.geometry.shape(each["geometry"])
+            properties = each["properties"]
             assert away((point.x, point.y), waypoint) < 1e-6
             assert abs(when(properties["time_utc"]) - waypoint.time) < MILLISECOND
             assert properties["waypoint"] == number

@@ -140,8 +140,11 @@ class TestFollowingPlans:
 
 class TestReplanning:
     def test_after_a_find_for_those_still_missing(self, plans_made):
-        of, policy = A_SEARCH, planner(A_SEARCH)
-        tracker, cells, step = BeliefTracker(of.scenario), list(of.drones), 0
+        of = A_SEARCH
+        policy = planner(A_SEARCH)
+        tracker = BeliefTracker(of.scenario)
+        cells = list(of.drones)
+        step = 0
         while True:
             before = tracker.belief(0)
             paths = fly(policy, tracker, cells, 1)
@@ -154,9 +157,11 @@ class TestReplanning:
 
         # One belief is that no person was found, the other that person 0 was.
         left = of.scenario.timestep_limit - step
-        steps, success = [], []
+        steps = []
+        success = []
         for missing in ((0, 1), (1,)):
-            pilot, twin = copy.deepcopy(policy), copy.deepcopy(tracker)
+            pilot = copy.deepcopy(policy)
+            twin = copy.deepcopy(tracker)
             twin.missing = missing
             at_find = copy.deepcopy(twin)
             paths = fly(pilot, twin, cells, left)
@@ -169,7 +174,8 @@ class TestReplanning:
 
     def test_after_a_drone_was_displaced(self, plans_made):
         of = shortened(SMALL[3], 20)
-        policy, tracker = planner(of), BeliefTracker(of.scenario)
+        policy = planner(of)
+        tracker = BeliefTracker(of.scenario)
         (path,) = fly(policy, tracker, of.drones, 1)
         assert plans_made == [0]
         # From the likeliest cell, the new plan is better than staying there.

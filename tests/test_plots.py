@@ -18,7 +18,8 @@ from DroneSwarmSearch.evaluation import plots
 
 def evaluation(policy, search="pond", *, share=0.5, bound=None):
     """40 episodes, of which a share succeeds, each in a different step."""
-    where, found = SUITE[search], np.arange(1, 41)[:, None]
+    where = SUITE[search]
+    found = np.arange(1, 41)[:, None]
     found = np.where(found <= round(share * 40), found, 0)
     found = found.repeat(len(where.scenario.persons_to_find), axis=1)
     return made_evaluation(found, where, policy=policy, bound=bound)

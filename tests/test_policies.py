@@ -144,12 +144,13 @@ def test_no_drone_ever_collides_or_leaves_the_grid(name):
     @settings(max_examples=2 if name == "planner" else 5, derandomize=True)
     @given(parameters(most_cells=12, most_drones=8), st.data())
     def whole_episodes(search: dict[str, Any], data: st.DataObject) -> None:
-        size, drones = search["grid_size"], search["n_drones"]
+        size = search["grid_size"]
+        drones = search["n_drones"]
         starts = st.permutations([(x, y) for y in range(size) for x in range(size)])
         positions = np.array([data.draw(starts)[:drones] for _ in range(2)])
         batch = SearchBatch(2, drones_positions=positions, **search)
         _, endings = play_batch(make(name, batch.scenario_of(0)), batch, drones)
-        assert set(endings) <= {Ending.FOUND, Ending.TIME_LIMIT}
+        assert set(endings) <= {Ending.FOUND, Ending.COVERED, Ending.TIME_LIMIT}
 
     whole_episodes()
 
@@ -197,9 +198,11 @@ def test_rows_have_separate_memories(data):
         # Few different views, so that many rows have identical observations.
         views = [data.draw(st.integers(0, 2)) for _ in rows]
         seen_by = identical(len(rows)) | {"row": np.array(rows, np.int64)}
-        positions, matrices = seen_by["positions"], seen_by["probability_matrix"]
+        positions = seen_by["positions"]
+        matrices = seen_by["probability_matrix"]
         for place, view in enumerate(views):
-            positions[place, 1, 1], matrices[place] = view % 2, view // 2
+            positions[place, 1, 1] = view % 2
+            matrices[place] = view // 2
         actions = policy(seen_by)
         assert actions.shape == (len(rows), 2) and actions.dtype == np.int64
         for place, row in enumerate(rows):

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from DroneSwarmSearch import Drift, priors
 from DroneSwarmSearch._internal.erf import erf
 
-NAN, INF = math.nan, math.inf
+NAN = math.nan
+INF = math.inf
 SQUARE = [(1, 1), (5, 1), (5, 5), (1, 5)]
 CROSSED = [(0, 0), (2, 2), (2, 0), (0, 2)]
 
@@ -129,7 +130,8 @@ def test_a_correlated_normal_distribution(rho, sd):
     prior = priors.gaussian(41, (20.3, 19.8), sd, correlation=rho)
     at = np.arange(41)
     x, y = prior.sum(axis=0), prior.sum(axis=1)
-    mean_x, mean_y = x @ at, y @ at
+    mean_x = x @ at
+    mean_y = y @ at
     assert (mean_x, mean_y) == pytest.approx((20.3, 19.8), abs=1e-3)
     covariance = (at - mean_y) @ prior @ (at - mean_x)
     assert covariance == pytest.approx(rho * sd[0] * sd[1], abs=0.01)

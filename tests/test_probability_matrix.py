@@ -33,11 +33,13 @@ def displacement(rates: np.ndarray, tau: int) -> float:
 
 def plain_cdfs(size: int, drift: Drift, axis: int, steps: int) -> np.ndarray:
     """F_0 ... F_steps of one axis, cell by cell."""
-    start, start_sd = drift.start[axis], drift.start_sd[axis]
+    start = drift.start[axis]
+    start_sd = drift.start_sd[axis]
     velocity, velocity_sd = (
         np.atleast_2d(rates)[:, axis] for rates in (drift.vector, drift.vector_sd)
     )
-    diffusion, adrift = drift.diffusion, drift.adrift
+    diffusion = drift.diffusion
+    adrift = drift.adrift
     rows: list[list[float]] = []
     for t in range(steps + 1):
         tau = adrift + t
@@ -76,7 +78,8 @@ def separable_drifts() -> list[Drift]:
 
 @pytest.mark.parametrize("drift", separable_drifts())
 def test_forecast_is_the_clipped_gaussian(drift):
-    size, steps = 11, 70
+    size = 11
+    steps = 70
     forecast = ProbabilityMatrix(size, drift)
     columns, rows = (np.diff(plain_cdfs(size, drift, axis, steps), prepend=0.0) for axis in (0, 1))
     for t in range(steps + 1):
@@ -146,7 +149,8 @@ def test_a_start_given_as_an_array():
     for t in range(60):
         np.testing.assert_allclose(as_array.exact(t), as_cell.exact(t), atol=1e-12)
     two = np.zeros((41, 41))
-    two[10, 10], two[30, 30] = 3.0, 1.0
+    two[10, 10] = 3.0
+    two[30, 30] = 1.0
     still: dict = {"diffusion": 0.2}
     mixture = Person([Drift((10, 10), weight=3, **still), Drift((30, 30), weight=1, **still)])
     as_array, as_mixture = (
@@ -187,7 +191,9 @@ def covariance(drift: Drift, first: int, last: int, size: int = 81) -> float:
 )
 def test_a_person_remembers_as_a_brownian_motion_does(diffusion, velocity, uncertainty, low, high):
     drift = Drift((40, 40), vector=(velocity, 0), diffusion=diffusion, **uncertainty)
-    (start_sd, _), (velocity_sd, _) = drift.start_sd, drift.vector_sd  # type: ignore[misc]
+    # type: ignore[misc]
+    start_sd, _ = drift.start_sd
+    velocity_sd, _ = drift.vector_sd
     expected = start_sd**2 + 20 * diffusion + 20 * 60 * velocity_sd**2
     assert low < covariance(drift, 20, 60) / expected < high
 

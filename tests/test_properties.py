@@ -208,7 +208,8 @@ def check_matrix(model: Model, matrix: np.ndarray, persons: tuple[Cell, ...]) ->
 def check_step(model: Model, env: DroneSwarmSearch, result: Any, expected: list[float]) -> None:
     """Compare the results of a step with the model."""
     observations, rewards, terminations, truncations, infos = result
-    frame, ended = env.frame(), model.ending is not None
+    frame = env.frame()
+    ended = model.ending is not None
     assert dict(rewards) == dict(zip(model.names, expected, strict=True))
     assert all(type(points) is float for points in rewards.values())
     assert rewards["total_reward"] == sum(expected)
@@ -255,7 +256,8 @@ def check_episode(episode: Episode) -> None:
             assert abs(next_x - x) <= 1 and abs(next_y - y) <= 1
             assert inside((next_x, next_y), model.size)
         assert frame.found == tuple(k not in model.missing for k in range(len(persons)))
-        persons, matrix = frame.persons, result[0]["drone0"]["observation"][1]
+        persons = frame.persons
+        matrix = result[0]["drone0"]["observation"][1]
         check_matrix(model, matrix, persons)
     assert model.t <= model.limit
 

@@ -11,12 +11,16 @@ from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 from DroneSwarmSearch.policies import make
 
 example = module("drawn_searches")
-draw_searches, held_out_searches = example.draw_searches, example.held_out_searches
+draw_searches = example.draw_searches
+held_out_searches = example.held_out_searches
 
 
 def test_drawn_searches_vary():
     rng = np.random.default_rng(0)
-    sizes, drones, limits, persons = set(), set(), set(), set()
+    sizes = set()
+    drones = set()
+    limits = set()
+    persons = set()
     for _ in range(40):
         scenarios, starts = draw_searches(rng)
         assert 4 <= len(scenarios) <= 24
@@ -35,7 +39,8 @@ def test_drawn_searches_vary():
 
 
 def test_the_same_searches_are_held_out_every_time():
-    three, two = held_out_searches(3), held_out_searches(2)
+    three = held_out_searches(3)
+    two = held_out_searches(2)
     assert [each.scenario for each in three[:2]] == [each.scenario for each in two]
     assert [each.drones for each in three[:2]] == [each.drones for each in two]
     assert {each.scenario.mission for each in three} == {"coverage"}

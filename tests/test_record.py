@@ -112,7 +112,8 @@ class TestVideo:
             made.update(title=title, palette=look.palette, scales=scales)
 
         monkeypatch.setattr(recording, "write_video", write)
-        where, path = replace(small(), scale=scale), tmp_path / "video.gif"
+        where = replace(small(), scale=scale)
+        path = tmp_path / "video.gif"
         record(Watcher(), where, path)
         assert made == {"title": "For tests.", "palette": "sea", "scales": {scale}}
         record(Watcher(), where, path, title="Mine", palette="classic")
@@ -193,7 +194,8 @@ class TestWriting:
         path = tmp_path / "video.gif"
         pictures = [np.full((20, 30, 3), 200 * (number % 2), np.uint8) for number in range(40)]
         self.write(path, pictures, fps=fps, hold=1.5)
-        total, shown = 0, []
+        total = 0
+        shown = []
         with Image.open(path) as video:
             assert video.info["loop"] == 0
             for number in range(video.n_frames):

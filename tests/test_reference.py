@@ -56,7 +56,8 @@ MAX_UNDESCRIBED_ARGUMENTS = 3
 
 def names_on(page: Path) -> list[str]:
     """The full names of all objects documented on a page."""
-    names, module = [], ""
+    names = []
+    module = ""
     for directive, name in re.findall(
         r"^\.\. (currentmodule|auto(?:class|data|exception|function)):: ([\w.]+)",
         page.read_text("utf-8"),

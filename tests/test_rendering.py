@@ -135,7 +135,8 @@ class TestText:
         lines = render_text(frame, rows=rows).split("\n")
         assert max(map(len, lines)) <= 80
         assert len(lines) <= (rows or 200)
-        margin, places = len(str(last)) + 1, math.ceil(grid_size / side)
+        margin = len(str(last)) + 1
+        places = math.ceil(grid_size / side)
         cells = lines[2 : 2 + places]
         assert [int(line[: margin - 1]) for line in cells] == [*range(0, grid_size, side)]
         assert {len(line) for line in cells} == {margin + width * places}
@@ -237,7 +238,8 @@ class TestCells:
     @pytest.mark.parametrize("grid_size", SIZES)
     def test_grid_lines_are_between_cells_only(self, grid_size):
         frame = bare(make_frame(grid_size))
-        one, other = Picture(frame, grid=True), Picture(frame)
+        one = Picture(frame, grid=True)
+        other = Picture(frame)
         changed = differs(one.map, other.map)
         side = len(changed) // grid_size
         expected = np.zeros_like(changed)
@@ -317,7 +319,8 @@ class TestSymbols:
 
 class TestPicture:
     def test_the_panel_shows_the_state(self):
-        frame, success = make_frame(), {"probability_of_success": 0.2}
+        frame = make_frame()
+        success = {"probability_of_success": 0.2}
         panels = {Picture(frame).panel.tobytes()}
         for change in (
             *({"step": 4}, {"vector": (0.5, -0.5)}, {"found_by": (0,)}, success),

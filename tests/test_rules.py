@@ -127,13 +127,16 @@ def test_endings(happened, expected):
 @pytest.mark.parametrize("limit", [1, 3])
 def test_outcomes_of_a_batch_equal_those_of_each_search(scheme, limit):
     """In random steps, with figures around each threshold, to the last bit."""
-    rng, rows, n = np.random.default_rng(limit), 3000, 3
+    rng = np.random.default_rng(limit)
+    rows = 3000
+    n = 3
     likelihoods = [0.0, 1e-9, 0.01, float(np.float32(0.01)), 0.0100001, 0.25, 0.3, 1.0]
     actions = rng.integers(0, 6, (rows, n))
     searched = actions == Action.SEARCH
     targets = rng.choice([OFF_GRID, *range(8)], (rows, n))
     observed = rng.choice(likelihoods, np.count_nonzero(searched))
-    found, before = searched & (rng.random((rows, n)) < 0.3), rng.random((rows, n)) < 0.3
+    found = searched & (rng.random((rows, n)) < 0.3)
+    before = rng.random((rows, n)) < 0.3
     returns = rng.choice([0.0, 12345.678, -99.9], (rows, n))
     steps = rng.integers(0, limit, rows)
     all_found, covered = rng.random((2, rows)) < 0.1

@@ -14,7 +14,8 @@ from DroneSwarmSearch.vector import SearchBatch
 @pytest.mark.parametrize("bayesian", [False, True])
 def test_sampled_searches_are_those_of_the_single_environment_across_catalogues(bayesian):
     """Enough episodes that the sampler draws anew while others are under way."""
-    calls, shared = [0], {**SAMPLED, "bayesian_update": bayesian}
+    calls = [0]
+    shared = {**SAMPLED, "bayesian_update": bayesian}
 
     def sampler(rng: np.random.Generator) -> dict[str, Any]:
         calls[0] += 1
@@ -27,8 +28,10 @@ def test_sampled_searches_are_those_of_the_single_environment_across_catalogues(
     rows = 20
     batch = SearchBatch(rows, sampler=sampler, **shared)
     batch.reset(range(rows))
-    drawn, different = calls[0], set()
-    envs, episodes = [None] * rows, [0] * rows
+    drawn = calls[0]
+    different = set()
+    envs = [None] * rows
+    episodes = [0] * rows
     rng = np.random.default_rng(2)
     ended = np.ones(rows, bool)
     checked = range(0, rows, 10)
@@ -88,10 +91,8 @@ def test_a_sampler_that_fails_leaves_the_batch_as_it_was(result, error, match):
             raise results[-1]
         return results[-1]
 
-    batch, idle = (
-        SearchBatch(64, n_drones=2, timestep_limit=1, sampler=sampler),
-        np.full((64, 2), 5),
-    )
+    batch = SearchBatch(64, n_drones=2, timestep_limit=1, sampler=sampler)
+    idle = np.full((64, 2), 5)
     for _ in range(16):  # the episodes for which the sampler draws at a time
         batch.reset()
     batch.step(idle)

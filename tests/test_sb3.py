@@ -78,7 +78,10 @@ def test_steps_are_the_views(view, separate, layout):
     assert plain(env.reset()) == plain(plainly.reset(seed=5)[0])
     logged = ["is_success", "probability_of_success"][: 1 + knows]
     assert env.reset_infos == [{**dict.fromkeys(logged, 0.0), "is_success": False}] * env.num_envs
-    rng, time_ups, ended, chances = np.random.default_rng(0), 0, 0, 0
+    rng = np.random.default_rng(0)
+    time_ups = 0
+    ended = 0
+    chances = 0
     for _ in range(80):
         actions = random_actions(rng, env)
         seen, rewards, dones, infos = env.step(actions.copy())
@@ -156,7 +159,8 @@ def test_maskable_ppo_learns_and_keeps_to_the_masks(view):
     env = SB3VecEnv(view(8, **how, **SMALL))
     model = contrib.MaskablePPO("MlpPolicy", env, n_steps=16, batch_size=32, n_epochs=2, seed=1)
     model.learn(2 * 16 * env.num_envs)
-    seen, endings = env.reset(), set()
+    seen = env.reset()
+    endings = set()
     for _ in range(30):
         masks = contrib.common.maskable.utils.get_action_masks(env)
         actions, _ = model.predict(seen, action_masks=masks)

@@ -103,7 +103,8 @@ def test_bad_dicts_are_rejected(data, error, message):
 
 @pytest.mark.parametrize("name", ["grid_size", "person_initial_position", "reward_scheme"])
 def test_parameters_together_with_a_scenario_are_rejected(name):
-    scenario, value = Scenario(**OTHER), OTHER[name]
+    scenario = Scenario(**OTHER)
+    value = OTHER[name]
     for kind in (
         DroneSwarmSearch,
         *(lambda each=each, **given: each(2, **given) for each in (SearchBatch, SwarmVectorEnv)),

@@ -22,7 +22,8 @@ from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
 ExpectedSearches: Any = module("expected_searches").ExpectedSearches
-SIZE, LIMIT = 5, 12
+SIZE = 5
+LIMIT = 12
 TRACKS = (
     ((0, 0), (1, 1), (3, 1), (3, 4), (4, 4)),
     ((0, 0), (0, 2), (1, 3), (1, 4)),
@@ -34,7 +35,8 @@ class Tracks(DriftModel):
     """In each step, the person goes on along the track, or stays with a chance of .4."""
 
     def __init__(self, tracks: Any, weights: tuple[float, ...]) -> None:
-        self.grid_size, self.key = SIZE, ("tracks", tracks, weights)
+        self.grid_size = SIZE
+        self.key = ("tracks", tracks, weights)
         self.weights = np.array(weights)
         cells = [[y * SIZE + x for x, y in track] for track in tracks]
         self._start = np.zeros((len(tracks), SIZE**2))
@@ -117,7 +119,8 @@ def test_batches_equal_single_environments(persons, updates, scheme):
     }
     twins = Twins(6, {**parameters, "bayesian_update": updates, "reward_scheme": scheme})
     twins.reset(list(range(6)))
-    rng, found = np.random.default_rng(2), 0
+    rng = np.random.default_rng(2)
+    found = 0
     for _ in range(40):
         actions = rng.choice([Action.RIGHT, Action.DOWN, Action.SEARCH, Action.SEARCH], (6, 2))
         twins.step(actions.tolist())
@@ -128,7 +131,8 @@ def test_batches_equal_single_environments(persons, updates, scheme):
 @pytest.mark.parametrize("persons", PERSONS)
 def test_trackers_follow_the_posterior_of_the_environment(persons):
     scenario = scenario_of(persons, bayesian_update=True)
-    env, tracker = DroneSwarmSearch(scenario=scenario), BeliefTracker(scenario)
+    env = DroneSwarmSearch(scenario=scenario)
+    tracker = BeliefTracker(scenario)
     observations, _ = env.reset(seed=3)
     policy = make("greedy-posterior", scenario)
     while env.agents:
@@ -144,10 +148,12 @@ def test_trackers_follow_the_posterior_of_the_environment(persons):
 @pytest.mark.parametrize("persons", PERSONS)
 def test_plans_bounds_and_searches_in_expectation(persons):
     """Exactly: what a plan promises is what its searches add, and the bound is above it."""
-    scenario, starts = scenario_of(persons, mission="coverage"), [(0, 0), (4, 4)]
+    scenario = scenario_of(persons, mission="coverage")
+    starts = [(0, 0), (4, 4)]
     success = {}
     for name in ("creeping-line", "greedy-matrix", "greedy-posterior", "planner"):
-        env, policy = DroneSwarmSearch(scenario=scenario), make(name, scenario)
+        env = DroneSwarmSearch(scenario=scenario)
+        policy = make(name, scenario)
         searches = (
             ExpectedSearches([scenario], [starts]) if len(scenario.persons_to_find) == 1 else None
         )

@@ -26,7 +26,9 @@ ROOT = Path(__file__).parents[1]
 
 pytestmark = [pytest.mark.slow, pytest.mark.pictures]
 
-PHONE, DESKTOP = 390, 1280  # window widths in pixels
+# window widths in pixels
+PHONE = 390
+DESKTOP = 1280
 
 # Without a sandbox, which is required for root, as in containers.
 BROWSER = [

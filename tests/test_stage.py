@@ -37,7 +37,9 @@ def anything(shown: Any) -> Any:
     return np.full(len(shown), int(Action.SEARCH))
 
 
-drone.view, parallel.view = View("drone"), "parallel"  # type: ignore[attr-defined]
+# type: ignore[attr-defined]
+drone.view = View("drone")
+parallel.view = "parallel"
 
 
 @pytest.mark.parametrize("n_drones", [1, 2])
@@ -53,7 +55,8 @@ def test_policies_see_what_they_state_and_otherwise_swarms(policy, n_drones):
 
 
 def test_who_states_no_view_is_told_how_to():
-    hint, episodes = "give it an attribute view, such as view = View", {"episodes": 2}
+    hint = "give it an attribute view, such as view = View"
+    episodes = {"episodes": 2}
     with pytest.raises(ValueError, match=rf"the policy's actions must be integers .*; .* {hint}"):
         evaluate(lambda shown: 4, small(), name="4", **episodes)
     with pytest.raises(KeyError, match="position") as told:
@@ -106,7 +109,8 @@ def test_videos_and_files_take_what_evaluate_takes(tmp_path):
     assert record(Stating, small(), tmp_path / "a.gif", fps=50).last.ending
     data = export([Stating, parallel], small(), tmp_path / "a.json")
     assert [each["policy"] for each in data["episodes"]] == ["Stating", "parallel"]
-    file, out = f"{__file__}:anything", str(tmp_path / "b.json")
+    file = f"{__file__}:anything"
+    out = str(tmp_path / "b.json")
     assert (
         cli.main(
             [

@@ -17,7 +17,9 @@ from DroneSwarmSearch.evaluation.statistics import (
 def test_limits_solve_halls_equation():
     """His transformation of Student's statistic has the quantiles of the normal distribution."""
     sample = np.random.default_rng(2).exponential(size=80) / 50
-    mean, n, deviation = sample.mean(), len(sample), sample.std(ddof=1)
+    mean = sample.mean()
+    n = len(sample)
+    deviation = sample.std(ddof=1)
     skewness = ((sample - mean) ** 3).mean() / deviation**3
     got = bounded_mean(sample)
     for end, quantile in ((got.low, 1.959964), (got.high, -1.959964)):
@@ -34,7 +36,8 @@ def test_bounded_means_cover_skewed_probabilities(n):
     exponential = np.random.default_rng(n).exponential(size=(n, trials))
     samples = np.minimum(exponential**2 / 1000, 1.0).T
     limits = np.array([bounded_mean(sample) for sample in samples])
-    too_high, too_low = (limits[:, 1] > 0.002).mean(), (limits[:, 2] < 0.002).mean()
+    too_high = (limits[:, 1] > 0.002).mean()
+    too_low = (limits[:, 2] < 0.002).mean()
     assert too_high < 0.05
     assert too_low < 0.025 + 3.0 / n + 0.03
     assert 1.0 - too_high - too_low > 0.9
@@ -59,7 +62,9 @@ def test_the_mean_of_estimates_adds_their_errors_in_squares():
 
 
 def test_the_expected_calibration_error_by_hand():
-    searches, forecast, found = np.array([2.0, 2.0]), np.array([0.5, 1.25]), np.array([1.0, 1.0])
+    searches = np.array([2.0, 2.0])
+    forecast = np.array([0.5, 1.25])
+    found = np.array([1.0, 1.0])
     # Half of the forecasts are 1/4 too low on average, the other half 1/8 too high.
     error = Reliability(searches, forecast, found).expected_error
     assert error == pytest.approx((0.25 + 0.125) / 2)

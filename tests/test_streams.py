@@ -31,7 +31,8 @@ def test_the_generator_is_splitmix64():
 
 def test_a_scalar_draw_equals_the_draw_in_an_array():
     keys = np.array([stream_keys(seed)[0] for seed in range(40)])[:, None]
-    episodes, places = np.arange(50, dtype=np.uint64), np.arange(7, dtype=np.uint64)
+    episodes = np.arange(50, dtype=np.uint64)
+    places = np.arange(7, dtype=np.uint64)
     table = uniforms(episode_keys(keys, episodes)[..., None], places)
     for seed, episode in ((0, 0), (39, 49), (7, 33)):
         assert stream(seed).between(episode, 0, 7) == table[seed, episode].tolist()

@@ -88,7 +88,8 @@ def test_new_tracks_of_the_script_are_where_those_of_the_suite_are(name):
     count = 1000
     new = simulator.simulate(simulator.SCENES[name], count, seed=1)
     for step in range(0, simulator.STEPS + 1, 35):
-        ours, theirs = person.drift.tracks.positions[step], new.positions[step]
+        ours = person.drift.tracks.positions[step]
+        theirs = new.positions[step]
         error = 5 * ours.std(axis=0) / count**0.5
         assert (abs(ours.mean(axis=0) - theirs.mean(axis=0)) < error).all()
     policy = policies.make("greedy-posterior", found.scenario)

@@ -62,7 +62,8 @@ def test_the_survival_time_is_lognormal(sigma, share, times):
     st.floats(-2, 20), st.integers(0, 300), st.floats(0.05, 3), st.integers(0, 60), st.floats(1, 90)
 )
 def test_time_in_the_water_moves_along_the_curve(celsius, steps, sigma, before, seconds):
-    median, scale = survival.hayward(celsius), Scale(100, seconds)
+    median = survival.hayward(celsius)
+    scale = Scale(100, seconds)
     whole = survival.curve(median, scale=scale, steps=steps + before, sigma=sigma)
     start = before * scale.seconds_per_step
     later = survival.curve(median, scale=scale, steps=steps, in_water=start, sigma=sigma)
@@ -163,7 +164,8 @@ def test_expected_rewards_are_weighted_by_survival():
 
 def test_batches_and_single_environments_are_equal_with_survival():
     for number in range(100, 118):
-        case, rng = random_search(random.Random(number)), random.Random(number)
+        case = random_search(random.Random(number))
+        rng = random.Random(number)
 
         def mortal(person: Person, rng: random.Random = rng) -> Person:
             curve = sorted((rng.random() for _ in range(rng.randint(1, 20))), reverse=True)
@@ -234,7 +236,8 @@ def planned(of: NamedSearch) -> float:
 def optimum(of: NamedSearch) -> float:
     """The best value of all paths."""
     moves = {Action.LEFT: (-1, 0), Action.RIGHT: (1, 0), Action.UP: (0, -1), Action.DOWN: (0, 1)}
-    best, size = 0.0, of.scenario.grid_size
+    best = 0.0
+    size = of.scenario.grid_size
     for actions in itertools.product(Action, repeat=of.scenario.timestep_limit):
         cells = [of.drones[0]]
         for action in actions:

@@ -54,7 +54,8 @@ from DroneSwarmSearch.adapters.torchrl import (
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 
-IDLE, SEARCH = int(Action.IDLE), int(Action.SEARCH)
+IDLE = int(Action.IDLE)
+SEARCH = int(Action.SEARCH)
 
 SMALL = {**TRAINING_TASK, "timestep_limit": 8}
 """Short episodes, so that a few steps pass through several of them."""
@@ -111,8 +112,10 @@ def test_it_shows_what_the_vector_environment_shows(separate_flags, right_of_way
     how = {"observation": "flat", "action_mask": "observation", "autoreset_mode": "Disabled"}
     bare = DroneVectorEnv(5, reward_scale=2.0**-17, **how, **options)
     env.set_seed(7)
-    shown, (seen, infos) = env.reset(), bare.reset(seed=7)
-    rng, endings = np.random.default_rng(0), set()
+    shown = env.reset()
+    seen, infos = bare.reset(seed=7)
+    rng = np.random.default_rng(0)
+    endings = set()
     for _ in range(3 * TRAINING_TASK["timestep_limit"]):
         same(shown[OBSERVATION], seen["observation"])
         same(shown[ACTION_MASK].to(torch.int8), seen["action_mask"])
@@ -138,7 +141,8 @@ def test_it_shows_what_the_vector_environment_shows(separate_flags, right_of_way
 
 def persons_after(env: SearchEnv, steps: int = 12) -> torch.Tensor:
     """Where the persons are in every step of the next episodes of idle drones."""
-    shown, states = env.reset(), []
+    shown = env.reset()
+    states = []
     for _ in range(steps):
         shown = act(env, shown, torch.full((env.batch_size[0], 2), IDLE))
         states.append(shown[STATE][:, 2])
@@ -194,7 +198,8 @@ def test_transforms_and_collectors_take_it():
     collector = Collector(env, policy, frames_per_batch=4 * 20, total_frames=4 * 40)
     for batch in collector:
         assert batch.shape == (4, 20)
-        returns, rewards = batch["next"][RETURN], batch["next"][REWARD]
+        returns = batch["next"][RETURN]
+        rewards = batch["next"][REWARD]
         expected = torch.zeros(4, 2, 1)
         for step in range(20):
             begins = batch["is_init"][:, step]
@@ -236,7 +241,8 @@ def test_masked_policies_sample_valid_actions():
     env = SearchEnv(64, **TRAINING_TASK)
     policy = masked_policy(constant_logits(50.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     acted = policy(env.reset())
-    masks, actions = acted[ACTION_MASK], acted[ACTION]
+    masks = acted[ACTION_MASK]
+    actions = acted[ACTION]
     assert masks.gather(-1, actions.unsqueeze(-1)).all()
     # The drones start at the left edge, where LEFT is masked: the other actions are equal.
     probabilities = 1.0 / masks[:, 0].sum(dim=-1)
@@ -317,13 +323,16 @@ def test_gym_wrapper(kind, mode, masks, layout):
     check_env_specs(wrap())
     wrapped = wrap()
     bare = kind(4, action_mask="observation", autoreset_mode="Disabled", **options)
-    rng, ended = np.random.default_rng(1), np.zeros(bare.num_envs, bool)
-    shown, _ = wrapped.reset(seed=3), bare.reset(seed=3)
+    rng = np.random.default_rng(1)
+    ended = np.zeros(bare.num_envs, bool)
+    shown = wrapped.reset(seed=3)
+    _ = bare.reset(seed=3)
     while not ended.any():  # the same searches as without TorchRL
         actions = valid_actions(shown["action_mask"], rng)
         stepped, shown = wrapped.step_and_maybe_reset(shown.set("action", torch.tensor(actions)))
         observations, rewards, terminated, truncated, _ = bare.step(actions)
-        after, ended = stepped["next"], terminated | truncated
+        after = stepped["next"]
+        ended = terminated | truncated
         same(after["action_mask"], observations["action_mask"])
         assert after["reward"].flatten().tolist() == np.float32(rewards).tolist()
         assert after["truncated"].flatten().tolist() == truncated.tolist()

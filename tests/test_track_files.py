@@ -337,7 +337,8 @@ def ragged(path: Path) -> None:
         data.createDimension("obs", 5)
         data.createVariable("trajectory", "i4", ("trajectory",))[:] = [1, 2]
         counts = data.createVariable("rowSize", "i4", ("trajectory",))
-        counts.sample_dimension, counts[:] = "obs", [2, 3]
+        counts.sample_dimension = "obs"
+        counts[:] = [2, 3]
         for name, values in (("time", [0, 1, 0, 1, 2]), ("lon", range(5)), ("lat", range(5))):
             data.createVariable(name, "f8", ("obs",))[:] = values
         data["time"].units = "hours since 2026-06-01"

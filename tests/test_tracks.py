@@ -15,7 +15,8 @@ from DroneSwarmSearch import Action, DroneSwarmSearch, Person, Scenario, Tracks,
 from DroneSwarmSearch.drift.models import drift_model
 from DroneSwarmSearch.evaluation import evaluate, share_found
 
-STEPS, SIZE = 12, 5
+STEPS = 12
+SIZE = 5
 TRACKS = wandering(3000, STEPS, start=(1, 1), drift=(0.2, 0.1))
 # Two tracks: one to the right and one down, both ashore in the end.
 PAIR = np.array([[[0, 0], [0, 0]], [[1, 0], [0, 1]], [[2, 0], [0, 2]], [[2, 0], [0, 2]]], float)
@@ -44,7 +45,8 @@ def test_the_matrix_is_the_histogram_of_the_tracks(seed, fine, classes, size, is
     )
     assert (tracks.stranded, tracks.lost) == (0, 0)
     model = drift_model(Person(tracks, fine=fine, classes=classes).drift, size)
-    mass, value = model.joint(0), rng.random(model.state_shape)
+    mass = model.joint(0)
+    value = rng.random(model.state_shape)
     for step in range(9):  # the tracks have 7 steps
         expected = histogram(tracks, min(step, 7), size)
         np.testing.assert_allclose(model.map(mass), expected, atol=1e-12)
@@ -56,7 +58,8 @@ def test_the_matrix_is_the_histogram_of_the_tracks(seed, fine, classes, size, is
 
 @pytest.mark.parametrize(("fine", "classes"), [(1, 1), (2, 1), (2, 3)])
 def test_persons_are_where_the_matrix_says_and_go_where_tracks_went(fine, classes):
-    model, count = drift_model(Person(TRACKS, fine=fine, classes=classes).drift, SIZE), 20_000
+    model = drift_model(Person(TRACKS, fine=fine, classes=classes).drift, SIZE)
+    count = 20_000
     cells = np.clip(np.rint(TRACKS.positions), 0, SIZE - 1).astype(int) @ [1, SIZE]
     rng = np.random.default_rng(0)
     states = model.start(rng.random(count))
@@ -80,7 +83,8 @@ def test_the_posterior_is_bayes_rule_on_the_cells_of_the_tracks():
         mission="coverage", bayesian_update=True,
     )  # fmt: skip
     cells = np.rint(TRACKS.positions).astype(int) @ [1, SIZE]
-    belief, kept = histogram(TRACKS, 0).reshape(-1), 1.0
+    belief = histogram(TRACKS, 0).reshape(-1)
+    kept = 1.0
     env.reset(seed=0, options={"drones_positions": [(1, 1)]})
     for before, after in pairwise(cells[:6]):
         belief[SIZE + 1] *= 0.3
@@ -217,7 +221,8 @@ def test_bad_tracks_are_rejected(positions, weights, error, message):
 
 @few
 def test_bad_parameters_are_rejected(tmp_path):
-    pair, tracks = Tracks(PAIR), TRACKS
+    pair = Tracks(PAIR)
+    tracks = TRACKS
     with pytest.raises(ValueError, match="fine must be an integer from 1 to 4, got 5"):
         Person(tracks, fine=5)
     with pytest.raises(ValueError, match="classes must be an integer of at least 1, got 0"):

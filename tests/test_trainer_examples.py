@@ -69,12 +69,15 @@ def test_it_trains_and_compares(script, policy, arguments, tmp_path):
     if "benchmarl" in policy:  # it also has loggers of its own
         [logged] = folder.rglob("collection_probability_of_success.csv")
         assert len(logged.read_text("utf-8").splitlines()) == 2
-    log, steps = "curve.csv", "steps"
+    log = "curve.csv"
+    steps = "steps"
     if script == "train_sb3.py":
-        log, steps = "progress_000000000.csv", "time/total_timesteps"
+        log = "progress_000000000.csv"
+        steps = "time/total_timesteps"
     least = 4_000
     if script == "train_imitation.py":
-        steps, least = "searches", 12
+        steps = "searches"
+        least = 12
     counts = [int(row[steps]) for row in rows(folder / log)]
     assert counts == sorted(set(counts)) and counts[-1] >= least
     command = re.search(r"python -m DroneSwarmSearch (play .*)", output)

@@ -33,7 +33,8 @@ def test_rows_are_appended_and_printed(tmp_path, capsys):
 
 def test_curves_are_plotted_with_the_baselines(tmp_path, monkeypatch):
     figure = pytest.importorskip("matplotlib.figure").Figure
-    drawn, savefig = [], figure.savefig
+    drawn = []
+    savefig = figure.savefig
     monkeypatch.setattr(
         figure, "savefig", lambda self, *args, **how: drawn.append(self) or savefig(self, *args)
     )

@@ -39,7 +39,8 @@ class TestChernoff:
 
     @pytest.mark.parametrize("p", [0.03, 0.4, 0.9])
     def test_fails_at_most_with_the_stated_probability(self, p):
-        n, confidence = 80, 0.95
+        n = 80
+        confidence = 0.95
         failing = sum(
             math.comb(n, k) * p**k * (1 - p) ** (n - k)
             for k in range(n + 1)
@@ -73,7 +74,8 @@ class TestTrajectories:
 
     @pytest.mark.filterwarnings("ignore:3 tracks are few")
     def test_those_of_tracks_that_part(self):
-        here, there = [(1.0, 1.0), (2.0, 1.0), (3.0, 1.0)], [(1.0, 1.0), (1.0, 2.0), (1.0, 3.0)]
+        here = [(1.0, 1.0), (2.0, 1.0), (3.0, 1.0)]
+        there = [(1.0, 1.0), (1.0, 2.0), (1.0, 3.0)]
         apart = [(4.0, 4.0), (4.0, 3.0), (4.0, 3.0)]
         tracks = Tracks(np.array([here, there, apart]).swapaxes(0, 1), [1, 2, 1])
         cells, chances = enumerate_trajectories(drift_model(Person(tracks).drift, 6), 3)
@@ -89,7 +91,8 @@ class TestTrajectories:
 
     @pytest.mark.parametrize("drifts", MIXTURES)
     def test_every_one_starts_with_a_hypothesis_and_a_cell(self, drifts):
-        forecast, steps = ProbabilityMatrix(5, Person(drifts)), 4
+        forecast = ProbabilityMatrix(5, Person(drifts))
+        steps = 4
         trajectories = enumerate_trajectories(forecast, steps)
         assert trajectories is not None
         by_hand: dict[tuple[int, ...], float] = {}

@@ -90,7 +90,8 @@ def test_missing_persons_are_distributed_as_the_posterior(person):
     """Searches learn about cells and hypotheses, and the POS is the share of finds."""
     env = environment(persons=[person], bayesian_update=True, n_drones=4)
     cells = [(5, 5), (6, 6), (7, 7), (5, 6)]
-    counts, episodes = np.zeros((SIZE, SIZE)), 1000
+    counts = np.zeros((SIZE, SIZE))
+    episodes = 1000
     env.reset(seed=8)
     for _ in range(episodes):
         env.reset(drones_positions=cells)
@@ -102,7 +103,8 @@ def test_missing_persons_are_distributed_as_the_posterior(person):
         else:
             ((x, y),) = env.frame().persons
             counts[y, x] += 1
-            posterior, success = env.state()[0], infos["probability_of_success"]
+            posterior = env.state()[0]
+            success = infos["probability_of_success"]
             assert infos["drone0"]["probability_of_success"] == success
             (weights,) = env.frame().hypotheses
     finds = episodes - counts.sum()

@@ -90,7 +90,8 @@ class Twins:
         self.compare()
 
     def compare(self) -> None:
-        batch, size = self.batch, self.envs[0].grid_size
+        batch = self.batch
+        size = self.envs[0].grid_size
         self.frames = frames = [env.frame() for env in self.envs]
         every = np.arange(len(frames))
         expected = np.stack([frame.matrix for frame in frames])
@@ -162,8 +163,10 @@ def random_drones(rng: random.Random, rows: int, size: int, n: int) -> Any:
 
 
 def random_case(rng: random.Random) -> Case:
-    size, rows = rng.randint(2, 7), rng.randint(1, 6)
-    n, persons = rng.randint(1, min(5, size**2)), rng.randint(1, 3)
+    size = rng.randint(2, 7)
+    rows = rng.randint(1, 6)
+    n = rng.randint(1, min(5, size**2))
+    persons = rng.randint(1, 3)
     detections = [1.0, 1.0, 0.6, 0.2, 0.0]
     each = tuple(rng.choice(detections) for _ in range(persons))
     drifts = [0.0, -0.0, 0.3, -0.5, 1.0, -2.5]
@@ -253,7 +256,8 @@ def test_a_reset_replaces_the_catalogue_and_leaves_episodes_under_way_alone():
 
 def test_a_catalogue_of_drifts_replaces_one_with_tracks():
     """Tracks in every cell need more places than the grid has, and more layers than drifts."""
-    tracks, prior = wandering(900, 12, start=(1, 1), sd=0.6, size=3), np.eye(3)
+    tracks = wandering(900, 12, start=(1, 1), sd=0.6, size=3)
+    prior = np.eye(3)
     drift = [Person(Drift((1, 1), diffusion=0.3), 0.5)]
     sizes = {"grid_size": 3, "timestep_limit": 12, "bayesian_update": True}
     for other in (Drift((0, 2), diffusion=0.2), Drift(prior, diffusion=0.2)):

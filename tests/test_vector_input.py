@@ -59,7 +59,8 @@ def test_bad_seeds_are_refused_and_change_nothing(seeds, error, match):
 
 
 def test_rows_are_those_of_numpy():
-    batch, cells = SearchBatch(3, bayesian_update=True), [0, 5]
+    batch = SearchBatch(3, bayesian_update=True)
+    cells = [0, 5]
     batch.reset([1, 2, 3])
     batch.step([[4], [5], [1]])
     before = pickle.dumps(batch)

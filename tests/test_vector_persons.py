@@ -86,7 +86,8 @@ def random_situation(rng: random.Random, count: int, rows: int) -> Any:
 
 def check_search(case: Case) -> Counter[Ending]:
     """Compare a batch with its environments; returns how often each ending occurred."""
-    rng, endings = random.Random(case.seed), Counter[Ending]()
+    rng = random.Random(case.seed)
+    endings = Counter[Ending]()
     with pytest.MonkeyPatch.context() as patch:
         use_tiles(patch, case)
         twins = Twins(case.rows, case.parameters)
@@ -124,7 +125,8 @@ def test_every_row_is_the_single_environment_in_thousands_of_cases():
 
 
 def test_episodes_draw_situations_with_equal_chances_from_their_sampling_streams():
-    count, rows = 3, 40
+    count = 3
+    rows = 40
     batch = SearchBatch(rows, situations=CATALOGUE, **SIZES)
     for episode in range(3):
         batch.reset(range(rows) if episode == 0 else None)

@@ -96,7 +96,8 @@ class Swarm(gymnasium.Env):
         self.metadata = {}  # Gymnasium 1.1 writes the mode into it, which a class would keep
         self.env = DroneSwarmSearch(render_mode=None, **parameters)
         self.separate_flags = separate_flags
-        n, size = self.env.n_drones, self.env.grid_size
+        n = self.env.n_drones
+        size = self.env.grid_size
         self.action_space = spaces.MultiDiscrete([6] * n)
         self.observation_space = spaces.Dict(
             {
@@ -120,7 +121,8 @@ class Swarm(gymnasium.Env):
             truncated = self.env.frame().ending is Ending.TIME_LIMIT
             flags = ended and not truncated, truncated
         by_drone = np.array([rewards[name] for name in names])
-        seen, own_infos = self._seen(observations), self._infos_of(by_drone, infos)
+        seen = self._seen(observations)
+        own_infos = self._infos_of(by_drone, infos)
         return seen, by_drone.sum(), *flags, own_infos
 
     @staticmethod
@@ -153,7 +155,8 @@ def gymnasiums(num_envs, mode, separate_flags=False, **parameters):
 @all_layouts
 def test_everything_lies_in_its_space(view, layout):
     env = view(5, observation=layout, autoreset_mode="SameStep", **SMALL)
-    n, per_swarm = env.num_envs, env.num_envs // 5
+    n = env.num_envs
+    per_swarm = env.num_envs // 5
     assert per_swarm == (1 if view is SwarmVectorEnv else SMALL["n_drones"])
     assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     actions = spaces.MultiDiscrete([6] * 3) if view is SwarmVectorEnv else spaces.Discrete(6)
@@ -214,7 +217,8 @@ def test_observations_or_infos_hold_masks_on_request(view, layout, mode, right_o
         assert plain(env.action_masks()) == plain(plainly.action_masks(right_of_way))
 
     check(env.reset(seed=3)[0], *plainly.reset(seed=3))
-    rng, ended = np.random.default_rng(0), 0
+    rng = np.random.default_rng(0)
+    ended = 0
     for _ in range(20):
         actions = random_actions(rng, env)
         shown, *results, infos = env.step(actions.copy())
@@ -239,7 +243,8 @@ def test_observations_or_infos_hold_masks_on_request(view, layout, mode, right_o
 
 @pytest.mark.parametrize("seed", [7, np.int64(7), (7, 8, 9), np.array([7, 8, 9])], ids=type)
 def test_swarms_are_seeded_one_by_one(seed):
-    env, batch = DroneVectorEnv(3, **SMALL), SearchBatch(3, **SMALL)
+    env = DroneVectorEnv(3, **SMALL)
+    batch = SearchBatch(3, **SMALL)
     env.reset(seed=seed)
     batch.reset([7, 8, 9])
     for _ in range(3):
@@ -316,11 +321,13 @@ def check_infos(infos: dict[str, Any], wanted: dict[str, Any], n: int) -> None:
     ids=["small", "several persons, separate flags"],
 )
 def test_episodes_end_and_begin_as_in_gymnasiums_vector(view, mode, case, separate):
-    swarms, n_drones = 3, case["n_drones"]
+    swarms = 3
+    n_drones = case["n_drones"]
     env = view(swarms, autoreset_mode=mode, separate_flags=separate, **case)
     reference = gymnasiums(swarms, mode, separate, **case)
     n = env.num_envs // swarms
-    rng, met = np.random.default_rng(23), set()
+    rng = np.random.default_rng(23)
+    met = set()
 
     def seen(observations: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         return observations if view is SwarmVectorEnv else by_drone(observations, n_drones)
@@ -444,7 +451,8 @@ def arrays_in(result: Any) -> list[np.ndarray]:
 @all_layouts
 def test_without_copies_the_same_arrays_come_back(view, layout):
     parameters = {"observation": layout, **SMALL}
-    env, copies = view(3, copy=False, **parameters), view(3, **parameters)
+    env = view(3, copy=False, **parameters)
+    copies = view(3, **parameters)
     assert as_data(env.reset(seed=1)) == as_data(copies.reset(seed=1))
     assert rollout(env, 15) == rollout(copies, 15)
     begun = arrays_in(env.reset()[0])
@@ -488,7 +496,8 @@ def test_every_swarm_is_drawn_as_in_the_single_environment(view, mode):
 @both_views
 @all_modes
 def test_what_was_returned_never_changes(view, mode):
-    env, rng = view(3, autoreset_mode=mode, **SMALL), np.random.default_rng(0)
+    env = view(3, autoreset_mode=mode, **SMALL)
+    rng = np.random.default_rng(0)
     results: list[Any] = [env.reset(seed=1)]
     as_it_was = [as_data(results[0])]
     for _ in range(14):
@@ -568,7 +577,8 @@ def test_the_signature_shows_every_keyword(view):
     usual = {name: shown[name].default for name in list(shown)[1:]}
     for field in dataclasses.fields(Scenario):
         assert usual[field.name] == field.default
-    env, plainly = view(2, **usual), view(2)
+    env = view(2, **usual)
+    plainly = view(2)
     assert plain(env.reset(seed=1)) == plain(plainly.reset(seed=1))
     assert all(re.search(rf"\b{name}\b", SwarmVectorEnv.__doc__) for name in list(shown)[2:])
 

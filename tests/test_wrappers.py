@@ -177,7 +177,8 @@ def test_observations_are_writable(layout, wrap):
 
 @each_wrapper
 def test_reset_accepts_the_environments_arguments(wrap):
-    cells, vector = [(3, 3), (0, 1), (2, 2)], (-0.4, 0.9)
+    cells = [(3, 3), (0, 1), (2, 2)]
+    vector = (-0.4, 0.9)
     env = wrap(DroneSwarmSearch(**SMALL))
     shown = plain(env.reset(2, {"drones_positions": cells, "vector": vector}))
     assert shown == plain(env.reset(seed=2, drones_positions=cells, vector=vector))
@@ -243,7 +244,8 @@ def test_layouts_equal_the_batched_views(layout, wrap, case, seed, policy_seed, 
         autoreset_mode="Disabled",
         **case,
     )
-    agents, n = env.possible_agents, env.n_drones
+    agents = env.possible_agents
+    n = env.n_drones
     rng = np.random.default_rng(policy_seed)
     assert env.observation_space(agents[-1]) == view.single_observation_space
 
@@ -274,10 +276,13 @@ def test_layouts_equal_the_batched_views(layout, wrap, case, seed, policy_seed, 
 @pytest.mark.parametrize("inner", [lambda env: env, DictObservation], ids=["plain", "dict"])
 @each_case
 def test_other_drones_are_added(inner, case):
-    env, plainly = OtherDrones(inner(DroneSwarmSearch(**case))), inner(DroneSwarmSearch(**case))
-    agents, rng = env.possible_agents, np.random.default_rng(1)
+    env = OtherDrones(inner(DroneSwarmSearch(**case)))
+    plainly = inner(DroneSwarmSearch(**case))
+    agents = env.possible_agents
+    rng = np.random.default_rng(1)
     for seed in range(4):
-        shown, wanted = env.reset(seed=seed)[0], plainly.reset(seed=seed)[0]
+        shown = env.reset(seed=seed)[0]
+        wanted = plainly.reset(seed=seed)[0]
         while True:
             cells = dict(zip(agents, env.frame().drones, strict=True))
             for agent in agents:
@@ -287,7 +292,8 @@ def test_other_drones_are_added(inner, case):
             if not env.agents:
                 break
             actions = {agent: random_action(rng) for agent in agents}
-            shown, wanted = env.step(actions)[0], plainly.step(actions)[0]
+            shown = env.step(actions)[0]
+            wanted = plainly.step(actions)[0]
 
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=["usual", "sparse", "fractions", "expected"])
@@ -300,7 +306,8 @@ def test_scaled_rewards_can_be_scaled_back_to_the_last_bit(scheme, seed, scale):
     plainly.reset(seed=seed)
     while env.agents:
         actions = {agent: random_action(rng) for agent in env.agents}
-        rewards, wanted = env.step(actions)[1], plainly.step(actions)[1]
+        rewards = env.step(actions)[1]
+        wanted = plainly.step(actions)[1]
         assert {agent: reward / scale for agent, reward in rewards.items()} == wanted
         assert rewards["total_reward"] / scale == wanted["total_reward"]
 
@@ -316,9 +323,12 @@ def test_invalid_scales_are_rejected(scale, error):
 def test_masks_are_those_of_the_cells(case, right_of_way):
     env = ActionMask(DroneSwarmSearch(**case), in_observation=True, right_of_way=right_of_way)
     plainly = DroneSwarmSearch(**case)
-    size, agents, rng = env.grid_size, env.possible_agents, np.random.default_rng(3)
+    size = env.grid_size
+    agents = env.possible_agents
+    rng = np.random.default_rng(3)
     for seed in range(5):
-        (shown, infos), (wanted, plain_infos) = env.reset(seed=seed), plainly.reset(seed=seed)
+        shown, infos = env.reset(seed=seed)
+        wanted, plain_infos = plainly.reset(seed=seed)
         while True:
             cells = [y * size + x for x, y in env.frame().drones]
             masks = action_masks(cells, size, right_of_way).astype(np.int8)
@@ -361,7 +371,8 @@ def test_channels_last_transposes_the_planes():
     first = PlanesObservation(DroneSwarmSearch(**SMALL))
     last = PlanesObservation(DroneSwarmSearch(**SMALL), channels_last=True)
     assert last.observation_space("drone0").shape == (4, 4, 4)
-    (shown, _), (turned, _) = first.reset(seed=2), last.reset(seed=2)
+    shown, _ = first.reset(seed=2)
+    turned, _ = last.reset(seed=2)
     for drone, planes in shown.items():
         assert plain(np.moveaxis(planes, 0, -1)) == plain(turned[drone])
     with pytest.raises(TypeError, match="channels_last must be True or False, got 1"):

@@ -133,7 +133,9 @@ def real(name: str, value: object, low: float = -math.inf, high: float = math.in
     """A finite real number with low <= value <= high."""
     limits = (("least", low), ("most", high))
     bounds = [f"at {word} {limit}" for word, limit in limits if math.isfinite(limit)]
-    what = f"a finite number{' of ' * bool(bounds)}{' and '.join(bounds)}"
+    what = "a finite number"
+    if bounds:
+        what += f" of {' and '.join(bounds)}"
     return _finite(name, value, what, low, high)
 
 

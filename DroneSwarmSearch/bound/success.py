@@ -139,8 +139,7 @@ def success_bound(
     checks.real("gap", gap, 0)
     if memory is not None:
         checks.integer("memory", memory, 0, MOST_MEMORY)
-    horizons = min(horizons, limit)
-    ends = sorted({math.ceil(limit * k / horizons) for k in range(1, horizons + 1)}, reverse=True)
+    ends = _ends(limit, min(horizons, limit))
     persons = scenario.persons_to_find
     models = dict(zip(persons, scenario.forecasts(), strict=True))  # equal persons share a bound
     enumerated = [enumerate_trajectories(model, limit) for model in models.values()]
@@ -177,6 +176,12 @@ def success_bound(
         gap=float(upper - value),
         confidence=confidence,
     )
+
+
+def _ends(limit: int, horizons: int) -> list[int]:
+    """The numbers of steps for which the relaxation is solved, the largest first."""
+    ends = {math.ceil(limit * k / horizons) for k in range(1, horizons + 1)}
+    return sorted(ends, reverse=True)
 
 
 def drone_paths(starts: Sequence[int], gains: Floats) -> tuple[float, Floats]:

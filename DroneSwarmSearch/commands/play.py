@@ -112,7 +112,7 @@ class _Episode:
         self, search: NamedSearch, options: argparse.Namespace, seed: int, rival: str = ""
     ) -> None:
         spec = PolicySpec.of(rival or options.policy)
-        posterior = search.with_posterior(True)
+        posterior = search.with_posterior(bayesian_update=True)
         seen = view_of(spec, search, view_from(options))
         where = posterior if options.manual else search.with_posterior(seen.bayesian_update)
         self._flown = 0 if options.manual and not rival else None

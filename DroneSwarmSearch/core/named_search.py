@@ -15,6 +15,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.files import parsed_json, write_text
+from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.scenario import REPLACED, Scenario, checked_scenario
 from DroneSwarmSearch.geo.scale import Scale
@@ -69,13 +70,14 @@ class NamedSearch:
             width = f" of {scale.metres_per_cell:g} m"
             minutes = scale.seconds(scenario.timestep_limit) / 60
             steps += f" of {scale.seconds_per_step:g} s ({minutes:.0f} minutes)"
-        whom = f"{len(persons)} person{'s' * (len(persons) > 1)}"
+        whom = plural(len(persons), "person")
+        if scenario.mission == "coverage":
+            whom = f"coverage for {whom}"
         whom += max((person.drift.outline for person in persons), key=len)
         detections = ", ".join(f"{value:g}" for value in dict.fromkeys(scenario.detections))
         return (
             f"{scenario.grid_size} x {scenario.grid_size} cells{width}; "
-            f"{scenario.n_drones} drone{'s' * (scenario.n_drones > 1)}; "
-            f"{'coverage for ' * (scenario.mission == 'coverage')}{whom}; "
+            f"{plural(scenario.n_drones, 'drone')}; {whom}; "
             f"probability of detection {detections}; {steps}"
         )
 

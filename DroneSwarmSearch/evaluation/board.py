@@ -59,14 +59,21 @@ class Leaderboard:
         """A heading, and the success of each policy in a row for each search; * marks the best."""
         policies = self.policies
         bounds = known_bounds(self.evaluations)
-        rows = [["search", *["bound"] * bool(bounds), *policies]]
+        heading = ["search", *policies]
+        if bounds:
+            heading.insert(1, "bound")
+        rows = [heading]
         for several in zip(*policies.values(), strict=True):
             search = several[0].search.name
             values = [result.success.value for result in several]
-            bound = [f"{100 * bounds[search]:.1f}"] if bounds else []
             best = max(values) - ROUNDING
-            figures = [f"{100 * value:.1f}{'*' * (value > best)}" for value in values]
-            rows.append([search, *bound, *figures])
+            row = [search]
+            if bounds:
+                row.append(f"{100 * bounds[search]:.1f}")
+            for value in values:
+                mark = "*" if value > best else ""
+                row.append(f"{100 * value:.1f}{mark}")
+            rows.append(row)
         return rows
 
     def write(self, folder: Path) -> list[Path]:
@@ -139,7 +146,7 @@ def leaderboard(
     for search in named:
         cases += [Case.of(spec, search, view, deterministic) for spec in own]
         for spec, row in zip(theirs, rows, strict=True):
-            cases.append(Case.of(spec, search, None, row["deterministic"] == "yes" or None))
+            cases.append(Case.of(spec, search, deterministic=row["deterministic"] == "yes" or None))
         cases += [Case.of(spec, search) for spec in package]
     evaluations = evaluate_cases(
         cases,

@@ -55,7 +55,7 @@ class PolicySpec:
                     f"got {policy!r:.100}"
                 )
             own_name = getattr(policy, "__name__", type(policy).__name__)
-            return cls(str(own_name) if name is None else name, None, policy)
+            return cls(str(own_name) if name is None else name, source=None, policy=policy)
         if policy in POLICIES:
             return cls(policy if name is None else name, {"policy": policy}, POLICIES[policy])
         parts = re.fullmatch(r"(.+\.py):(\w+)(?::(.+))?", policy)

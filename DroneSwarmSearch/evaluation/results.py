@@ -249,7 +249,7 @@ def compare(first: Evaluation, second: Evaluation) -> Comparison:
         ValueError: they are of different searches; or both are samples of one search, of different
             episodes.
     """
-    one, other = (result.search.with_posterior(False) for result in (first, second))
+    one, other = (result.search.with_posterior(bayesian_update=False) for result in (first, second))
     if one.data != other.data:
         raise ValueError(
             "second must be of the same search as first, with the same parameters, got "

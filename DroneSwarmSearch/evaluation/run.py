@@ -227,7 +227,7 @@ def bounds_of(
 
 def _bound_facts(search: NamedSearch) -> dict[str, Any]:
     """Everything that the bound of a search depends on."""
-    return {**VERSIONS, "search": search.with_posterior(False).fingerprint}
+    return {**VERSIONS, "search": search.with_posterior(bayesian_update=False).fingerprint}
 
 
 def _play(policy: Callable[..., Any], case: Case, seeds: Sequence[int]) -> Episodes:

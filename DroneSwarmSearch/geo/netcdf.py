@@ -41,5 +41,11 @@ def since_1970(values: Any, time: Any) -> Floats:
     import netCDF4
 
     calendar = getattr(time, "calendar", "standard")
-    dates: Any = netCDF4.num2date(values, time.units, calendar, False, True)
+    dates: Any = netCDF4.num2date(
+        values,
+        time.units,
+        calendar,
+        only_use_cftime_datetimes=False,
+        only_use_python_datetimes=True,
+    )
     return np.array([date.replace(tzinfo=timezone.utc).timestamp() for date in np.ma.filled(dates)])

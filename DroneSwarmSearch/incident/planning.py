@@ -61,11 +61,11 @@ def _alternative(name: str, made: FlightPlan, **values: Any) -> Alternative:
         area = Area(incident, simulate(incident, FEW, 1))
         other = _planned(incident, [area], near=made.guesses)
     except CannotFlyError:
-        return Alternative(name, None, "drones cannot fly there and back")
+        return Alternative(name, points=None, reason="drones cannot fly there and back")
     except ValueError:
-        return Alternative(name, None, "unknown, beyond the limits of what is given")
+        return Alternative(name, points=None, reason="unknown, beyond the limits of what is given")
     more = other.probability_of_success - made.probability_of_success
-    return Alternative(name, 100 * more)
+    return Alternative(name, points=100 * more)
 
 
 def _planned(incident: Incident, areas: Sequence[Area], near: Sequence[Guess]) -> FlightPlan:

@@ -277,7 +277,9 @@ class Hypotheses(KnownDrift):
 
     @property
     def outline(self) -> str:  # type: ignore[override]
-        return f" with up to {len(self.drifts)} hypotheses" * (len(self.drifts) > 1)
+        if len(self.drifts) == 1:
+            return ""
+        return f" with up to {len(self.drifts)} hypotheses"
 
     def check(self, grid_size: int, timestep_limit: int, name: str) -> None:
         for place, drift in enumerate(self.drifts):

@@ -234,9 +234,10 @@ def person(
     jibes = min(per_hour * scale.seconds(known.adrift) / 3600, _MOST_JIBES)
     if jibes < _FEWEST_JIBES or not winds.any():
         jibes = 0.0
-    drifts = hypotheses(math.exp(-jibes), True)
+    drifts = hypotheses(share=math.exp(-jibes), split=True)
     if jibes:
-        drifts += _jibed(hypotheses(-math.expm1(-jibes), False), known, jibes)
+        others = hypotheses(share=-math.expm1(-jibes), split=False)
+        drifts += _jibed(others, known, jibes)
     fastest = max(np.abs(np.asarray(drift.vector)).max() for drift in drifts)
     if fastest > 1.0:
         warnings.warn(

@@ -127,7 +127,7 @@ class SwarmPolicy(BatchPolicy):
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
-        self._reset(None, None)
+        self._reset(rows=None, seeds=None)
 
     @abstractmethod
     def begin(self) -> Any:

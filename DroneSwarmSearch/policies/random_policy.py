@@ -27,7 +27,7 @@ class RandomPolicy(BatchPolicy):
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self._targets = Grid.of(scenario.grid_size).targets  # [cell, action]
-        self._reset(None, 0)
+        self._reset(rows=None, seeds=0)
 
     def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:
         if rows is None and seeds is not None:

@@ -33,19 +33,21 @@ class PlayerWindow(Window):
         self._painters = {
             view: Painter(grid_size, look, view=view, reason=reason) for view in ("matrix", "both")
         }
-        super().__init__(self._size_of("matrix", False))
+        super().__init__(self._size_of("matrix", has_card=False))
 
-    def _size_of(self, view: str, has_card: bool) -> tuple[int, int]:
+    def _size_of(self, view: str, *, has_card: bool) -> tuple[int, int]:
         """The size with a view and its strip, and with room for a score card to the right."""
         width, height = self._painters[view].size
-        return width + CARD_WIDTH * has_card, height + STRIP
+        if has_card:
+            width += CARD_WIDTH
+        return width, height + STRIP
 
     def play(self, player: Player) -> str:
         """Show a player until the user quits, and return how; a hidden one only to its end."""
         self.open()
         pygame.key.set_repeat(300, 110)  # milliseconds, for keys that are held down
         drawn: object = None
-        layout = "matrix", False
+        layout = ("matrix", False)
         while True:
             for event in pygame.event.get():
                 if event.type == pygame.QUIT:
@@ -60,8 +62,8 @@ class PlayerWindow(Window):
                 return ""  # nobody can press a key
             has_card = player.is_at_end and bool(player.recording.scores)
             if layout != (player.view, has_card):
-                layout = player.view, has_card
-                self.resize(self._size_of(*layout))
+                layout = (player.view, has_card)
+                self.resize(self._size_of(player.view, has_card=has_card))
             state = player.moment, player.view, player.status, player.hint
             if state != drawn:
                 self._draw(player)

@@ -71,7 +71,8 @@ def plot_curve(
             y = values[name][known]
             colour = f"C{number}"
             axes.plot(x, y, colour, alpha=0.25, linewidth=0.8)
-            axes.plot(x, moving_mean(y), colour, marker="o" * (len(x) < 30), ms=4, label=label)
+            marker = "o" if len(x) < 30 else ""
+            axes.plot(x, moving_mean(y), colour, marker=marker, ms=4, label=label)
     axes.plot([], [], color="0.5", alpha=0.5, linewidth=0.8, label="single rows")
     levels: dict[str, list[float]] = {}
     for baseline in baselines:
