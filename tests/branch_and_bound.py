@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch.core.grid import OFF_GRID, Grid
+from DroneSwarmSearch.core import OFF_GRID, Grid
 from DroneSwarmSearch.evaluation import NamedSearch
 from DroneSwarmSearch.paths.best_paths import values_to_go
 

@@ -6,6 +6,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# These hold assertions, too.
+pytest.register_assert_rewrite("helpers", "random_persons", "twins")
+
 # Tests run in parallel processes, whose BLAS threads would only compete. NumPy reads this once.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 

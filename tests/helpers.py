@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Ending, RewardScheme, Tracks, cli
-from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core import Frame
 from DroneSwarmSearch.evaluation import Episodes, Evaluation, View, recording
 from DroneSwarmSearch.planning import SuccessBound
 

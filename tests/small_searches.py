@@ -13,12 +13,11 @@ from helpers import inside, target_of
 from DroneSwarmSearch import Action, Scenario
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.paths.best_paths import DronePath
 from DroneSwarmSearch.paths.joint_plan import JointPlan
 from DroneSwarmSearch.paths.passes import Target
 from DroneSwarmSearch.persons import Drift, Person
-from DroneSwarmSearch.policies import SwarmPolicy
-from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
+from DroneSwarmSearch.planning import DronePath
+from DroneSwarmSearch.policies import BeliefTracker, SwarmPolicy
 
 Cell = tuple[int, int]
 

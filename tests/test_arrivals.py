@@ -7,15 +7,10 @@ import pytest
 from trainer_examples import module
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
-from DroneSwarmSearch.layouts.masks import choose_in_turn
-from DroneSwarmSearch.policies import make
+from DroneSwarmSearch.layouts import choose_in_turn
+from DroneSwarmSearch.policies import BeliefTracker, PosteriorGreedyPolicy, make
 from DroneSwarmSearch.policies.arrivals import BASELINE, FAR, NEAR, TURNS, VIEWS, Arrivals
-from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
-from DroneSwarmSearch.policies.greedy import (
-    WORTHWHILE_ON_ARRIVAL,
-    PosteriorGreedyPolicy,
-    claimed_in_turn,
-)
+from DroneSwarmSearch.policies.greedy import WORTHWHILE_ON_ARRIVAL, claimed_in_turn
 
 ExpectedSearches: Any = module("expected_searches").ExpectedSearches
 

@@ -25,10 +25,10 @@ from DroneSwarmSearch import (
 )
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.evaluation import evaluate
-from DroneSwarmSearch.layouts.masks import action_masks
 from DroneSwarmSearch.persons import Drift
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
+from DroneSwarmSearch.wrappers import action_masks
 
 NAN = float("nan")
 INF = float("inf")

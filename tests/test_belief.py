@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.drift import ProbabilityMatrix
-from DroneSwarmSearch.drift.belief import Belief
+from DroneSwarmSearch.drift import Belief, ProbabilityMatrix
 from DroneSwarmSearch.persons import Drift
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from small_searches import parameters
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
-from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
+from DroneSwarmSearch.policies import BeliefTracker, Outlook
 
 
 @settings(max_examples=35, derandomize=True)

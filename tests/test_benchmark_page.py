@@ -9,11 +9,9 @@ import pytest
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 
 import algorithms
+from benchmark_runs import CURVES, RESULTS, RUNS
 
 from DroneSwarmSearch.training import TASKS
-
-RESULTS, CURVES = (algorithms.rows_of(path) for path in (algorithms.RESULTS, algorithms.CURVES))
-RUNS = {tuple(row[name] for name in algorithms.KEY): row for row in RESULTS}
 
 
 def test_the_table_shows_the_results():

@@ -9,8 +9,7 @@ import pytest
 from small_searches import SMALL, best, paths_of, search, shortened, success_of
 
 from DroneSwarmSearch import Drift, Person
-from DroneSwarmSearch.bound.mirror_ascent import CHECKS
-from DroneSwarmSearch.bound.trajectories import chernoff_bound
+from DroneSwarmSearch.bound import CHECKS, chernoff_bound
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate
 from DroneSwarmSearch.planning import SuccessBound, success_bound
 from DroneSwarmSearch.policies import make

@@ -19,10 +19,9 @@ from helpers import bound_by_time, refusal
 from DroneSwarmSearch import Drift, Person, Scenario
 from DroneSwarmSearch import cli as command
 from DroneSwarmSearch._internal.progress import progress
-from DroneSwarmSearch.bound.success import SuccessBound
 from DroneSwarmSearch.evaluation import SUITE, View, evaluate
-from DroneSwarmSearch.policies import POLICIES
-from DroneSwarmSearch.policies.imitation import DEFAULT_WEIGHTS
+from DroneSwarmSearch.planning import SuccessBound
+from DroneSwarmSearch.policies import DEFAULT_WEIGHTS, POLICIES
 
 OWN = """
 import os

@@ -4,12 +4,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_exact import PERSONS, Recorder, curve_of, named
+from exact_searches import PERSONS, Recorder, curve_of, named
 
 from DroneSwarmSearch import Ending
-from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, View, compare, evaluate
-from DroneSwarmSearch.evaluation.rollout import play
-from DroneSwarmSearch.evaluation.statistics import Estimate, difference
+from DroneSwarmSearch.evaluation import (
+    Estimate,
+    Evaluation,
+    NamedSearch,
+    View,
+    compare,
+    difference,
+    evaluate,
+    roll_out,
+)
 from DroneSwarmSearch.evaluation.text_tables import figure, signed
 from DroneSwarmSearch.policies import make
 from DroneSwarmSearch.vector import SearchBatch
@@ -26,7 +33,7 @@ def evaluated(policy: Any, search: NamedSearch, **options: Any) -> Evaluation:
 def test_every_episode_has_the_success_of_its_path(person, view):
     search = named(person, bayesian_update=True, timestep_limit=8)
     policy = Recorder(make("random", search.scenario))
-    episodes = play(policy, search, range(20), View(view))
+    episodes = roll_out(policy, search, range(20), View(view))
     for curve, actions in zip(episodes.curves, policy.actions, strict=True):
         np.testing.assert_allclose(curve, curve_of(search, actions), rtol=0, atol=1e-12)
     assert np.ptp(episodes.curves[:, -1]) > 0.0

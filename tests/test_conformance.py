@@ -18,7 +18,7 @@ from pettingzoo.utils import parallel_to_aec
 
 import DroneSwarmSearch.env as env_module
 from DroneSwarmSearch import Drift, DroneSwarmSearch, Ending, Person, RewardScheme
-from DroneSwarmSearch.core.mappings import Infos, Rewards
+from DroneSwarmSearch.core import Infos, Rewards
 from DroneSwarmSearch.wrappers import FlatObservation
 
 with warnings.catch_warnings():

@@ -6,7 +6,8 @@ from helpers import plain
 from hypothesis import given
 from hypothesis import strategies as st
 
-from DroneSwarmSearch.layouts.crops import SCALES, WINDOW, CropsLayout
+from DroneSwarmSearch.layouts import CropsLayout
+from DroneSwarmSearch.layouts.crops import SCALES, WINDOW
 
 BOXES = WINDOW**2
 

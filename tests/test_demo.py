@@ -13,10 +13,9 @@ from typing import Any
 import pytest
 from helpers import refusal
 
-from DroneSwarmSearch import Scale, cli
+from DroneSwarmSearch import Ending, Scale, cli
 from DroneSwarmSearch.commands import play as demo
-from DroneSwarmSearch.core.frame import Frame
-from DroneSwarmSearch.core.rules import Ending
+from DroneSwarmSearch.core import Frame
 from DroneSwarmSearch.evaluation import evaluate
 from DroneSwarmSearch.incident import Incident
 from DroneSwarmSearch.rendering.painter import Painter

@@ -17,24 +17,15 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from documents import DOCS, ROOT, blocks, path_of
 from helpers import few_pictures
 from trainer_examples import QUIET_RAY
 
 from DroneSwarmSearch import cli
 from DroneSwarmSearch.bound import success as bound
 
-ROOT = Path(__file__).parents[1]
-DOCS = sorted((ROOT / "docs").rglob("*.md"))
-PAGES = [ROOT / "README.md", *DOCS]
 PAGES_WITH_LINKS = [*sorted(ROOT.glob("*.md")), *DOCS]
 
-EXTRAS = {
-    **{name: name for name in ("agilerl", "benchmarl", "tianshou", "torchrl")},
-    **dict.fromkeys(("sb3_contrib", "stable_baselines3", "supersuit"), "sb3"),
-    **dict.fromkeys(("ray", "lz4"), "rllib"),
-    "torch": "ppo",  # most of the others need it too
-}
-"""Optional packages that code blocks import, with the extra that installs them."""
 
 SLOW_PAGES = (
     *("docs/benchmark/", "docs/contributing.md", "docs/guides/training.md"),
@@ -45,7 +36,6 @@ SLOW_PAGES = (
 
 # Sub-commands that take seconds, on these pages too.
 QUICK_COMMANDS = ("bound", "evaluate", "export", "play", "record")
-FENCE = re.compile(r"^```(?!`)(\S*)[^\n]*\n(.*?)^```$", re.M | re.S)
 MOST = {"--episodes": 10, "--searches": 1}  # at most so many are played, or sampled
 
 # A part of what these scripts print.
@@ -75,50 +65,6 @@ def quick_bounds(monkeypatch):
     monkeypatch.setattr(bound, "WORK", 0.0)
     monkeypatch.setattr(bound, "MOST_WORK", 0.0)
     monkeypatch.setattr(bound, "ITERATIONS", 20)
-
-
-def path_of(page: Path) -> str:
-    return page.relative_to(ROOT).as_posix()
-
-
-class Block(NamedTuple):
-    """A code block of a page, and the output that the page shows."""
-
-    name: str
-    text: str
-    output: str | None = None
-
-    @property
-    def optional_packages(self) -> list[str]:
-        """The optional packages that it needs."""
-        imported = {*re.findall(r"^(?:from|import) (\w+)", self.text, re.M)}
-        imported |= {"ray"} if re.search(r"\bray=", self.text) else set()
-        imported |= {"lz4"} if "ray.rllib" in self.text else set()  # not with ray alone
-        return [package for package in EXTRAS if package in imported]
-
-    @property
-    def test_id(self):
-        """The test's id: `-k needs-torchrl` selects all blocks that need this extra."""
-        packages = self.optional_packages
-        return f"{self.name}-needs-{EXTRAS[packages[0]]}" if packages else self.name
-
-
-def blocks(language: str) -> list[Block]:
-    """Return the code blocks of all pages in a language."""
-    found = []
-    for page in PAGES:
-        text = re.sub(r"<!--.*?-->", "", page.read_text("utf-8"), flags=re.S)  # for the notebook
-        fences = list(FENCE.finditer(text))
-        number = 0
-        for fence, following in zip(fences, [*fences, None][1:], strict=True):
-            if fence[1] != language:
-                continue
-            output = following[2] if following is not None and following[1] == "text" else None
-            if following is not None and "\n#" in text[fence.end() : following.start()]:
-                output = None  # belongs to another section
-            found.append(Block(f"{path_of(page)}-{number}", fence[2], output))
-            number += 1
-    return found
 
 
 def block_params() -> list[object]:

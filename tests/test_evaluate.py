@@ -16,13 +16,20 @@ from DroneSwarmSearch import (
     Ending,
     Person,
     RewardScheme,
+    Scenario,
     evaluation,
 )
-from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.evaluation import NamedSearch, View, compare, evaluate, run, save_csv
-from DroneSwarmSearch.evaluation.rollout import play
+from DroneSwarmSearch.evaluation import (
+    NamedSearch,
+    View,
+    compare,
+    evaluate,
+    roll_out,
+    run,
+    save_csv,
+)
 from DroneSwarmSearch.layouts import LAYOUTS
-from DroneSwarmSearch.policies.imitation import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS_PATH
+from DroneSwarmSearch.policies import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS_PATH
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 
 DEFAULT_WEIGHTS = str(DEFAULT_WEIGHTS_PATH)
@@ -189,7 +196,7 @@ def test_policies_see_the_observations_of_the_vector_environments(kind, observat
 
     view = "swarm" if kind is SwarmVectorEnv else "drone"
     shown = View(view, observation, masks is not None, bool(masks))
-    play(policy, each, range(n), shown, wants_curves=False)
+    roll_out(policy, each, range(n), shown, wants_curves=False)
     assert over_early
 
 

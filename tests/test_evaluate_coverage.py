@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
-from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, evaluate, save_csv
-from DroneSwarmSearch.evaluation.statistics import bounded_mean
+from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, bounded_mean, evaluate, save_csv
 
 DRONES = ((2, 2), (4, 3))
 LIMIT = 15

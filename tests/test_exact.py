@@ -5,36 +5,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exact_searches import PERSONS, Recorder, curve_of, named
 
 from DroneSwarmSearch import Action, Drift, Person, Scenario
-from DroneSwarmSearch.drift import ProbabilityMatrix
-from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, View, compare, evaluate
-from DroneSwarmSearch.evaluation.rollout import play
-from DroneSwarmSearch.evaluation.statistics import Estimate
+from DroneSwarmSearch.evaluation import (
+    Estimate,
+    Evaluation,
+    NamedSearch,
+    View,
+    compare,
+    evaluate,
+    roll_out,
+)
 from DroneSwarmSearch.evaluation.text_tables import figure, percent, signed
 from DroneSwarmSearch.policies import POLICIES, SwarmPolicy, make
-
-LINE = np.zeros((6, 6))
-LINE[4, 1:5] = 1
-
-PERSONS = {
-    "known": Person(Drift((2, 3), vector=(0.2, -0.1), diffusion=0.3)),
-    "missed": Person(Drift((4, 1), vector=(-0.1, 0.3), diffusion=0.2), 0.4),
-    "hypotheses": Person(
-        [
-            Drift((1, 1), start_sd=0.6, vector=(0.3, 0.1), vector_sd=0.05, diffusion=0.1),
-            Drift(LINE, vector=(0.1, -0.2), diffusion=0.2, weight=2),
-        ],
-        0.8,
-    ),
-}
-
-
-def named(*persons: str, drones: Any = ((1, 3), (4, 2)), **changes: Any) -> NamedSearch:
-    """A small search for some of `PERSONS`."""
-    changes = {"timestep_limit": 14, **changes}
-    scenario = Scenario(6, n_drones=len(drones), persons=[PERSONS[p] for p in persons], **changes)
-    return NamedSearch("small", "For tests.", scenario, drones)
 
 
 class Climber(SwarmPolicy):
@@ -58,68 +42,12 @@ class Climber(SwarmPolicy):
         return actions
 
 
-def dense(forecast: ProbabilityMatrix, step: int) -> np.ndarray:
-    """The transition matrices of a step over cells, [hypothesis, from, to]."""
-    matrices = []
-    for right, left, down, up in zip(*forecast.moves(step), strict=True):
-        along = [
-            np.diag(1 - higher - lower) + np.diag(higher[:-1], 1) + np.diag(lower[1:], -1)
-            for higher, lower in ((right, left), (down, up))
-        ]
-        matrices.append(np.kron(along[1], along[0]))  # cells are y * N + x
-    return np.array(matrices)
-
-
-def curve_of(search: NamedSearch, actions: list[list[int]]) -> np.ndarray:
-    """The success of recorded actions, one person."""
-    forecast = search.scenario.forecasts()[0]
-    kept = 1 - search.scenario.detections[0]
-    mass = forecast.joint(0).reshape(-1, search.scenario.grid_size**2)
-    cells = [x + y * search.scenario.grid_size for x, y in search.drones]
-    moves = {0: -1, 1: 1, 2: -search.scenario.grid_size, 3: search.scenario.grid_size}
-    success = [0.0]
-    for step, chosen in enumerate(actions):
-        searched = {cell for cell, action in zip(cells, chosen, strict=True) if action == 4}
-        mass[:, [*searched]] *= kept
-        mass = np.einsum("mi,mij->mj", mass, dense(forecast, step))
-        success.append(1 - mass.sum())
-        cells = [cell + moves.get(action, 0) for cell, action in zip(cells, chosen, strict=True)]
-    ended = search.scenario.timestep_limit + 1 - len(success)
-    return np.array([*success, *success[-1:] * ended])
-
-
-class Recorder:
-    """A policy that notes what it sees and does in each search."""
-
-    def __init__(self, policy: Any) -> None:
-        self.policy = policy
-        self.histories: list[list[Any]] = []
-        self.actions: list[list[Any]] = []
-
-    def reset(self, seed: Any = None, rows: Any = None) -> None:
-        self.policy.reset(seed=seed)
-        self.histories += [[] for _ in np.atleast_1d(seed)]
-        self.actions += [[] for _ in np.atleast_1d(seed)]
-
-    def __call__(self, shown: Any) -> Any:
-        chosen = self.policy(shown)
-        if "row" not in shown:  # the view "parallel"
-            self.actions[-1].append([*chosen.values()])
-            return chosen
-        for place, row in enumerate(shown["row"].tolist()):
-            cells = tuple(map(tuple, shown["positions"][place].tolist()))
-            matrix = shown["probability_matrix"][place].tobytes()
-            self.histories[row].append((cells, matrix))
-            self.actions[row].append(chosen[place].tolist())
-        return chosen
-
-
 @pytest.mark.parametrize("name", sorted({*POLICIES} - {"random"}))
 @pytest.mark.parametrize("person", PERSONS)
 def test_packaged_policies_agree_with_a_dense_chain(name, person):
     search = named(person)
     policy = Recorder(make(name, search.scenario))
-    (success,) = play(policy, search, [0], View("swarm")).curves
+    (success,) = roll_out(policy, search, [0], View("swarm")).curves
     np.testing.assert_allclose(success, curve_of(search, policy.actions[0]), rtol=0, atol=1e-12)
     assert success[0] == 0.0
     assert (np.diff(success) >= 0.0).all()
@@ -132,10 +60,10 @@ def test_a_policy_sees_what_it_would_see_in_the_environment(person, bayesian_upd
     """Bit for bit: the history of every sampled episode begins one of the exact computation."""
     search = named(person, bayesian_update=bayesian_update)
     exact = Recorder(Climber(search.scenario))
-    play(exact, search, [0], View("swarm"))
+    roll_out(exact, search, [0], View("swarm"))
     known = {tuple(history[:n]) for history in exact.histories for n in range(len(history) + 1)}
     sampled = Recorder(Climber(search.scenario))
-    episodes = play(sampled, search, range(60), View("swarm"), False)
+    episodes = roll_out(sampled, search, range(60), View("swarm"), wants_curves=False)
     assert len(sampled.histories) == 60
     for history in sampled.histories:
         assert tuple(history) in known

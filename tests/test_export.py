@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
 from DroneSwarmSearch import cli as command
-from DroneSwarmSearch.core.frame import Frame
+from DroneSwarmSearch.core import Frame
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, View, export
-from DroneSwarmSearch.rendering.palette import PALETTES
+from DroneSwarmSearch.rendering import PALETTES
 
 ROOT = Path(__file__).parents[1]
 EPISODES = ROOT / "docs" / "static" / "episodes"

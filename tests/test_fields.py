@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.geo.fields import Field
-from DroneSwarmSearch.geo.flows import Origin
-from DroneSwarmSearch.incident import Incident, simulate
+from DroneSwarmSearch.geo import Field, Origin
+from DroneSwarmSearch.incident import Incident, drone_of, simulate
 from DroneSwarmSearch.incident import plan as plan_flights
-from DroneSwarmSearch.incident.drone import drone_of
 from DroneSwarmSearch.incident.files import chart
 
 nc = pytest.importorskip("netCDF4")

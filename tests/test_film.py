@@ -8,10 +8,10 @@ import pytest
 from helpers import make_frame
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.core.frame import Frame
-from DroneSwarmSearch.core.rules import Ending
-from DroneSwarmSearch.rendering import video
-from DroneSwarmSearch.rendering.palette import FOUND, PAPER, PROGRESS, Look
+from DroneSwarmSearch import Ending
+from DroneSwarmSearch.core import Frame
+from DroneSwarmSearch.rendering import Look, video
+from DroneSwarmSearch.rendering.palette import FOUND, PAPER, PROGRESS
 
 pytest.importorskip("pygame")
 

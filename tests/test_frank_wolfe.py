@@ -8,8 +8,7 @@ import pytest
 from small_searches import forecast_of, paths_of, search, success_of
 
 from DroneSwarmSearch._internal.erf import erf
-from DroneSwarmSearch.bound.frank_wolfe import frank_wolfe
-from DroneSwarmSearch.bound.objectives import MarkovChainObjective
+from DroneSwarmSearch.bound import MarkovChainObjective, frank_wolfe
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.persons import Drift
 from DroneSwarmSearch.policies import make

@@ -7,15 +7,13 @@ from small_searches import observations, paths_of, search, success_of
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Scenario
 from DroneSwarmSearch.persons import Drift, Person
-from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
-from DroneSwarmSearch.policies.greedy import (
-    DISCOUNT,
-    WORTHWHILE,
-    WORTHWHILE_ON_ARRIVAL,
+from DroneSwarmSearch.policies import (
+    BeliefTracker,
     ForecastGreedyPolicy,
     GreedyPolicy,
     PosteriorGreedyPolicy,
 )
+from DroneSwarmSearch.policies.greedy import DISCOUNT, WORTHWHILE, WORTHWHILE_ON_ARRIVAL
 
 FAR = 0.1 / DISCOUNT**2
 """As good a probability as .1, two steps farther away."""

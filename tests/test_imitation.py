@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.core.scenario import Scenario
+from DroneSwarmSearch import Scenario
 from DroneSwarmSearch.evaluation import NamedSearch, compare, evaluate
-from DroneSwarmSearch.policies import make
+from DroneSwarmSearch.policies import ImitationPolicy, Network, make
 from DroneSwarmSearch.policies.arrivals import INPUTS, VIEWS
-from DroneSwarmSearch.policies.imitation import ImitationPolicy, Network
 
 Layers = list[tuple[np.ndarray, np.ndarray]]
 

@@ -7,8 +7,8 @@ import pytest
 from trainer_examples import module
 
 from DroneSwarmSearch import Action, Drift, Person, Scenario
+from DroneSwarmSearch.policies import Network
 from DroneSwarmSearch.policies.arrivals import INPUTS
-from DroneSwarmSearch.policies.imitation import Network
 
 torch = pytest.importorskip("torch")
 

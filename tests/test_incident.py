@@ -15,29 +15,39 @@ import pyproj
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_track_files import NOON, write
+from netcdf_tracks import NOON, write
 
 from DroneSwarmSearch import Scenario, leeway
 from DroneSwarmSearch.cli import main
 from DroneSwarmSearch.commands.plan import summary
 from DroneSwarmSearch.evaluation import evaluate
-from DroneSwarmSearch.geo import KNOT, current_towards, units, wind_from
-from DroneSwarmSearch.geo.flows import Constant, Series
-from DroneSwarmSearch.geo.plane import TangentPlane
+from DroneSwarmSearch.geo import (
+    KNOT,
+    Constant,
+    Series,
+    TangentPlane,
+    current_towards,
+    units,
+    wind_from,
+)
 from DroneSwarmSearch.incident import (
+    KINDS,
+    PARALLEL,
+    SECTOR,
+    SQUARE,
     FlightPlan,
     Incident,
+    Pattern,
     after,
     alternatives,
+    drone_of,
     locate,
     planning,
     search_on_grid,
     simulate,
 )
 from DroneSwarmSearch.incident import plan as plan_flights
-from DroneSwarmSearch.incident.drone import drone_of
 from DroneSwarmSearch.incident.flights import up_to_the_minute
-from DroneSwarmSearch.incident.patterns import KINDS, PARALLEL, SECTOR, SQUARE, Pattern
 
 pytest.importorskip("cmaes")
 

@@ -10,8 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from layouts_by_hand import TOP_CELLS, drone_by_hand, swarm_by_hand, top_cells
 
-from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, remaining_time_fraction
-from DroneSwarmSearch.layouts.top_cells import TopCellsLayout, likeliest_cells
+from DroneSwarmSearch.layouts import (
+    JOINT_LAYOUTS,
+    LAYOUTS,
+    Layout,
+    TopCellsLayout,
+    remaining_time_fraction,
+)
+from DroneSwarmSearch.layouts.top_cells import likeliest_cells
 
 BY_HAND = [name for name in LAYOUTS if name != "crops"]  # see test_crops.py
 

@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 from helpers import bound_by_time, made_evaluation
 
-from DroneSwarmSearch import Action
+from DroneSwarmSearch import Action, Scenario
 from DroneSwarmSearch import cli as command
-from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.evaluation import SUITE, View, evaluate, leaderboard, run
+from DroneSwarmSearch.evaluation import SUITE, View, evaluate, leaderboard, mean_of, run
 from DroneSwarmSearch.evaluation.board import Leaderboard
-from DroneSwarmSearch.evaluation.statistics import mean_of
 from DroneSwarmSearch.planning import SuccessBound
 
 SHORT = ["--episodes", "30", "--searches", "pond", "harbour", "--workers", "1"]

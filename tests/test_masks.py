@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from DroneSwarmSearch import Action
-from DroneSwarmSearch.layouts.masks import action_masks
+from DroneSwarmSearch.wrappers import action_masks
 
 Cell = tuple[int, int]
 

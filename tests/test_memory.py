@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from DroneSwarmSearch.bound.memory import RememberingDrones
-from DroneSwarmSearch.bound.trajectories import Trajectories
-from DroneSwarmSearch.core.grid import MOVES
-from DroneSwarmSearch.paths.best_paths import DronePath
+from DroneSwarmSearch.bound import RememberingDrones, Trajectories
+from DroneSwarmSearch.core import MOVES
+from DroneSwarmSearch.planning import DronePath
 
 Floats = np.ndarray
 Case = tuple[Trajectories, float, int, np.random.Generator]

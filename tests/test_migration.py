@@ -18,8 +18,7 @@ import pytest
 from helpers import tables_of
 
 import DroneSwarmSearch as package
-from DroneSwarmSearch import Ending, RewardScheme
-from DroneSwarmSearchEnvironment.env import DroneSwarmSearch
+from DroneSwarmSearch import DroneSwarmSearch, Ending, RewardScheme
 
 GUIDES = Path(__file__).parents[1] / "docs" / "guides"
 OF_2023 = (GUIDES / "from-2023.md").read_text("utf-8")

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_searches import forecast_of, search
 
-from DroneSwarmSearch.bound.memory import RememberingDrones
-from DroneSwarmSearch.bound.mirror_ascent import mirror_ascent
-from DroneSwarmSearch.bound.objectives import TrajectoryObjective
-from DroneSwarmSearch.bound.trajectories import (
+from DroneSwarmSearch.bound import (
+    RememberingDrones,
     Trajectories,
+    TrajectoryObjective,
     enumerate_trajectories,
     equally_likely,
+    mirror_ascent,
     sample_trajectories,
 )
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from documents import blocks
 from helpers import few_pictures, module_at
-from test_documents import blocks
 
 from DroneSwarmSearch import DroneSwarmSearch
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from DroneSwarmSearch.rendering.palette import DRONES, INK, PALETTES, WHITE, Look, drone_colour
+from DroneSwarmSearch.rendering import PALETTES, Look, drone_colour
+from DroneSwarmSearch.rendering.palette import DRONES, INK, WHITE
 
 Floats = NDArray[np.float64]
 

@@ -11,9 +11,15 @@ import pytest
 from hypothesis import given, settings
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Scenario
-from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core import Cell
 from DroneSwarmSearch.drift import ProbabilityMatrix
 from DroneSwarmSearch.persons import Drift, Person
+from DroneSwarmSearch.policies import (
+    CreepingLinePolicy,
+    ExpandingSquarePolicy,
+    ParallelSweepPolicy,
+    SectorSearchPolicy,
+)
 from DroneSwarmSearch.policies.datum import Datum, datums_of
 from DroneSwarmSearch.policies.pattern_tracks import (
     Rectangle,
@@ -23,13 +29,7 @@ from DroneSwarmSearch.policies.pattern_tracks import (
     sector_search,
     strips_of,
 )
-from DroneSwarmSearch.policies.patterns import (
-    CreepingLinePolicy,
-    ExpandingSquarePolicy,
-    ParallelSweepPolicy,
-    PatternPolicy,
-    SectorSearchPolicy,
-)
+from DroneSwarmSearch.policies.patterns import PatternPolicy
 
 PATTERNS = [ParallelSweepPolicy, CreepingLinePolicy, ExpandingSquarePolicy, SectorSearchPolicy]
 

@@ -20,11 +20,11 @@ from small_searches import (
 )
 
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.paths.best_paths import DronePath
 from DroneSwarmSearch.paths.joint_plan import JointPlan
 from DroneSwarmSearch.paths.passes import Passes
 from DroneSwarmSearch.paths.windows import Boxes, TargetWindow
-from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
+from DroneSwarmSearch.planning import DronePath
+from DroneSwarmSearch.policies import BeliefTracker
 
 
 def starts_of(of: NamedSearch) -> list[int]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from DroneSwarmSearch.geo.plane import TangentPlane
+from DroneSwarmSearch.geo import TangentPlane
 from DroneSwarmSearch.incident import FlightPlan, Incident
 from DroneSwarmSearch.incident import plan as plan_flights
 

@@ -16,7 +16,7 @@ from pymavlink import mavwp
 
 from DroneSwarmSearch.incident import Incident, Waypoint, after, read_flights, simulate, write
 from DroneSwarmSearch.incident import plan as plan_flights
-from DroneSwarmSearch.rendering.palette import drone_colour
+from DroneSwarmSearch.rendering import drone_colour
 
 pytest.importorskip("cmaes")
 

@@ -21,10 +21,8 @@ from small_searches import (
 )
 
 from DroneSwarmSearch.evaluation import NamedSearch
-from DroneSwarmSearch.paths.best_paths import DronePath
-from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
-from DroneSwarmSearch.policies.greedy import PosteriorGreedyPolicy
-from DroneSwarmSearch.policies.planner import PlannerPolicy
+from DroneSwarmSearch.planning import DronePath
+from DroneSwarmSearch.policies import BeliefTracker, PlannerPolicy, PosteriorGreedyPolicy
 
 
 def planner(of: NamedSearch) -> PlannerPolicy:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 from helpers import make_frame
 
-from DroneSwarmSearch.core.frame import Frame
-from DroneSwarmSearch.core.rules import Action, Ending
+from DroneSwarmSearch import Action, Ending
+from DroneSwarmSearch.core import Frame
 from DroneSwarmSearch.rendering.player import Player, Recording
 
 LAST = 10

@@ -10,13 +10,10 @@ import pytest
 from hypothesis import given, settings
 from small_searches import parameters
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person
-from DroneSwarmSearch.core.grid import Cell
-from DroneSwarmSearch.core.rules import Ending
-from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.policies import POLICIES, SwarmPolicy, make
-from DroneSwarmSearch.policies.random_policy import RandomPolicy
-from DroneSwarmSearch.vector.engine import SearchBatch
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
+from DroneSwarmSearch.core import Cell
+from DroneSwarmSearch.policies import POLICIES, RandomPolicy, SwarmPolicy, make
+from DroneSwarmSearch.vector import SearchBatch
 
 NAMES = list(POLICIES)
 

@@ -12,11 +12,9 @@ import pytest
 from helpers import make_frame, refusal
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import Scale
+from DroneSwarmSearch import Action, Ending, Scale, Scenario
 from DroneSwarmSearch import cli as command
-from DroneSwarmSearch.core.frame import Frame
-from DroneSwarmSearch.core.rules import Action, Ending
-from DroneSwarmSearch.core.scenario import Scenario
+from DroneSwarmSearch.core import Frame
 from DroneSwarmSearch.evaluation import NamedSearch, Video, View, evaluate, record, recording
 from DroneSwarmSearch.evaluation.recording import play
 from DroneSwarmSearch.policies import make

@@ -12,13 +12,12 @@ import pytest
 from helpers import make_frame, plain
 from numpy.typing import NDArray
 
-from DroneSwarmSearch import DroneSwarmSearch, Scale
-from DroneSwarmSearch.core.frame import Frame
-from DroneSwarmSearch.core.rules import Ending
+from DroneSwarmSearch import DroneSwarmSearch, Ending, Scale
+from DroneSwarmSearch.core import Frame
+from DroneSwarmSearch.rendering import PALETTES, Look, render_text
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.rendering.labels import percent, signed, tick_stride
-from DroneSwarmSearch.rendering.palette import FOUND, NOT_FOUND, PALETTES, PROGRESS, Look
-from DroneSwarmSearch.rendering.text import render_text
+from DroneSwarmSearch.rendering.palette import FOUND, NOT_FOUND, PROGRESS
 
 pygame = pytest.importorskip("pygame")
 

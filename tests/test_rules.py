@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from helpers import SCHEMES
 
-from DroneSwarmSearch.core.grid import OFF_GRID, Grid
-from DroneSwarmSearch.core.rules import (
-    Action,
+from DroneSwarmSearch import Action, Ending, RewardScheme
+from DroneSwarmSearch.core import (
+    OFF_GRID,
     BatchEvents,
-    Ending,
-    RewardScheme,
+    Grid,
     SearchRules,
     StepEvents,
     collisions,

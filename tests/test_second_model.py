@@ -10,16 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers import wandering
-from test_vector_engine import Twins
 from trainer_examples import module
+from twins import Twins
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme, Scenario
-from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.drift.models import drift_model
-from DroneSwarmSearch.persons.hypotheses import Hypotheses
+from DroneSwarmSearch.drift import DriftModel, drift_model
+from DroneSwarmSearch.persons import Hypotheses
 from DroneSwarmSearch.planning import success_bound
-from DroneSwarmSearch.policies import make
-from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
+from DroneSwarmSearch.policies import BeliefTracker, make
 
 ExpectedSearches: Any = module("expected_searches").ExpectedSearches
 SIZE = 5

@@ -263,7 +263,7 @@ class Player:
 
 def most_common(name: str) -> tuple[int, ...]:
     """The colour of cells without probability, in the light or the dark theme."""
-    from DroneSwarmSearch.rendering.palette import PALETTES
+    from DroneSwarmSearch.rendering import PALETTES
 
     return PALETTES["sea"][0 if name == "light" else -1]
 

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from DroneSwarmSearch import Action, Scenario, cli
+from DroneSwarmSearch import Action, Scale, Scenario, cli
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, View, evaluate, export, record, search
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.stage import view_of
-from DroneSwarmSearch.geo.scale import Scale
 
 
 def small(n_drones: int = 2) -> NamedSearch:

@@ -5,13 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from DroneSwarmSearch.evaluation import Estimate, bounded_mean, mean_of, stratified_mean
 from DroneSwarmSearch.evaluation.episodes import Reliability
-from DroneSwarmSearch.evaluation.statistics import (
-    Estimate,
-    bounded_mean,
-    mean_of,
-    stratified_mean,
-)
 
 
 def test_limits_solve_halls_equation():

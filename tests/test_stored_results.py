@@ -18,10 +18,10 @@ from DroneSwarmSearch.evaluation import (
     View,
     evaluate,
     leaderboard,
+    roll_out,
     run,
     save_csv,
 )
-from DroneSwarmSearch.evaluation.rollout import play
 
 OWN = (
     "import numpy as np\n\ndef act(shown):\n    return np.full(shown['positions'].shape[:2], {})\n"
@@ -52,9 +52,9 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
     def noted(policy: Any, search: NamedSearch, seeds: Any, view: View, **how: Any) -> Any:
         portions.append(seeds)
-        return play(policy, search, seeds, view, **how)
+        return roll_out(policy, search, seeds, view, **how)
 
-    monkeypatch.setattr(run, "play", noted)
+    monkeypatch.setattr(run, "roll_out", noted)
     monkeypatch.setattr(run, "PORTION", 4)
     return portions
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from helpers import module_at
 
-from DroneSwarmSearch import Tracks, policies
-from DroneSwarmSearch.core.scenario import Scenario
+from DroneSwarmSearch import Scenario, Tracks, policies
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch, evaluate, search, share_found, suite
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION
 from DroneSwarmSearch.vector import SearchBatch

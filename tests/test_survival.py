@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from random_persons import check_search, random_search
 from small_searches import observations, paths_of, search
-from test_vector_persons import check_search, random_search
 
 from DroneSwarmSearch import (
+    Action,
     Drift,
     DroneSwarmSearch,
     Person,
@@ -27,10 +28,8 @@ from DroneSwarmSearch import (
     survival,
 )
 from DroneSwarmSearch.cli import main
-from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.evaluation import NamedSearch, evaluate, save_csv
-from DroneSwarmSearch.policies import SwarmPolicy, make
-from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
+from DroneSwarmSearch.policies import BeliefTracker, SwarmPolicy, make
 
 MINUTE = Scale(100, 60)
 FALLING = (1.0, 0.9, 0.6, 0.2)

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from DroneSwarmSearch import Action, DroneSwarmSearch, Person, Scenario, Tracks, policies
-from DroneSwarmSearch.drift.models import drift_model
+from DroneSwarmSearch.drift import drift_model
 from DroneSwarmSearch.evaluation import evaluate, share_found
 
 STEPS = 12

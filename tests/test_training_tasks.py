@@ -5,7 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from test_benchmark_page import RUNS
+from benchmark_runs import RUNS
 
 from DroneSwarmSearch import Scenario, training
 from DroneSwarmSearch.evaluation import compare, evaluate

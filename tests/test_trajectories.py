@@ -8,13 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_searches import all_trajectories
 
-from DroneSwarmSearch.bound.trajectories import (
-    chernoff_bound,
-    enumerate_trajectories,
-    sample_trajectories,
-)
-from DroneSwarmSearch.drift import ProbabilityMatrix
-from DroneSwarmSearch.drift.models import drift_model
+from DroneSwarmSearch.bound import chernoff_bound, enumerate_trajectories, sample_trajectories
+from DroneSwarmSearch.drift import ProbabilityMatrix, drift_model
 from DroneSwarmSearch.persons import Drift, Person, Tracks
 
 

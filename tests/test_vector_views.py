@@ -11,17 +11,17 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from crowded_searches import SEVERAL_PERSONS, SMALL
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import vector as wrappers
 from helpers import plain, without_history
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, Scenario
-from DroneSwarmSearch._internal.errors import ResetNeeded
-from DroneSwarmSearch.layouts.masks import action_masks
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Ending, Person, ResetNeeded, Scenario
 from DroneSwarmSearch.vector import DroneVectorEnv, SearchBatch, SwarmVectorEnv
 from DroneSwarmSearch.vector.vector_env import SearchVectorEnv
+from DroneSwarmSearch.wrappers import action_masks
 
 VIEWS = [SwarmVectorEnv, DroneVectorEnv]
 MODES = list(AutoresetMode)
@@ -31,21 +31,6 @@ both_views = pytest.mark.parametrize("view", VIEWS)
 all_modes = pytest.mark.parametrize("mode", MODES)
 all_layouts = pytest.mark.parametrize("layout", LAYOUTS)
 
-# So small and so crowded that every ending is met often.
-SMALL: dict[str, Any] = {
-    "grid_size": 4,
-    "n_drones": 3,
-    "vector": (0.3, -0.2),
-    "person_initial_position": (2, 1),
-    "timestep_limit": 9,
-}
-SEVERAL_PERSONS: dict[str, Any] = {
-    **SMALL,
-    "person_initial_position": [(2, 1), (1, 2)],
-    "probability_of_detection": 0.7,
-    "bayesian_update": True,
-    "timestep_limit": 14,
-}
 _CHANCES = [0.06, 0.09, 0.06, 0.09, 0.5, 0.2]  # moves are rare: they end most episodes
 
 

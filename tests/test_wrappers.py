@@ -8,20 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from crowded_searches import SEVERAL_PERSONS as MISSION
+from crowded_searches import SMALL
 from gymnasium import spaces
 from helpers import SCHEMES, plain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pettingzoo import ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec
-from test_vector_views import SEVERAL_PERSONS as MISSION
-from test_vector_views import SMALL
 
 import DroneSwarmSearch.wrappers as all_wrappers
-from DroneSwarmSearch import Action, DroneSwarmSearch
-from DroneSwarmSearch._internal.errors import ResetNeeded
-from DroneSwarmSearch.core.mappings import Infos
-from DroneSwarmSearch.layouts.masks import action_masks
+from DroneSwarmSearch import Action, DroneSwarmSearch, ResetNeeded
+from DroneSwarmSearch.core import Infos
 from DroneSwarmSearch.vector import DroneVectorEnv
 from DroneSwarmSearch.wrappers import (
     ActionMask,
@@ -33,6 +31,7 @@ from DroneSwarmSearch.wrappers import (
     ScaledRewards,
     SeparateFlags,
     TopCellsObservation,
+    action_masks,
 )
 
 with warnings.catch_warnings():

@@ -14,9 +14,15 @@ from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.exporting import export
 from DroneSwarmSearch.evaluation.recording import Video, record
 from DroneSwarmSearch.evaluation.results import Comparison, Evaluation, compare, save_csv
-from DroneSwarmSearch.evaluation.rollout import share_found
+from DroneSwarmSearch.evaluation.rollout import roll_out, share_found
 from DroneSwarmSearch.evaluation.run import evaluate
-from DroneSwarmSearch.evaluation.statistics import Estimate
+from DroneSwarmSearch.evaluation.statistics import (
+    Estimate,
+    bounded_mean,
+    difference,
+    mean_of,
+    stratified_mean,
+)
 from DroneSwarmSearch.evaluation.suite import SUITE, search
 from DroneSwarmSearch.layouts.view import View
 
@@ -30,12 +36,17 @@ __all__ = [
     "StorageError",
     "Video",
     "View",
+    "bounded_mean",
     "compare",
+    "difference",
     "evaluate",
     "export",
     "leaderboard",
+    "mean_of",
     "record",
+    "roll_out",
     "save_csv",
     "search",
     "share_found",
+    "stratified_mean",
 ]

@@ -20,11 +20,12 @@ from DroneSwarmSearch.persons.tracks import Tracks
 from DroneSwarmSearch.vector.engine import SearchBatch
 
 
-def play(
+def roll_out(
     policy: PolicyLike,
     search: NamedSearch,
     seeds: Sequence[int],
     view: View,
+    *,
     wants_curves: bool = True,
 ) -> Episodes:
     """Play one episode for each seed, and follow its success.
@@ -36,7 +37,13 @@ def play(
     the mean of these probabilities estimates the success without bias (conditional Monte Carlo:
     R. Y. Rubinstein and D. P. Kroese, Simulation and the Monte Carlo Method, 3rd edition, 2016,
     section 5.4). With one person, a deterministic policy flies one path, whose curve is exact.
-    Without `wants_curves`, the curves of a rescue are 0.
+
+    Args:
+        policy: a callable from observations to actions.
+        search: the search.
+        seeds: one for each episode.
+        view: what the policy sees and returns.
+        wants_curves: whether to follow the success; without it, the curves of a rescue are 0.
     """
     at_once = 1 if view.form == "parallel" else len(seeds)
     batch = SearchBatch(at_once, **search.parameters)
@@ -52,7 +59,7 @@ def play(
     for first in range(0, len(seeds), at_once):
         mine = seeds[first : first + at_once]
         reset_policy(policy, mine[0] if view.form == "parallel" else list(mine))
-        parts.append(_play(policy, batch, unfound, stage, mine))
+        parts.append(_rolled_out(policy, batch, unfound, stage, mine))
     return Episodes.joined(parts)
 
 
@@ -106,7 +113,7 @@ def _searches_of(policy: Any, scenario: Scenario, drones_positions: Any) -> Iter
             return
 
 
-def _play(
+def _rolled_out(
     policy: PolicyLike,
     batch: SearchBatch,
     unfound: SearchBatch | None,
@@ -119,7 +126,10 @@ def _play(
     if unfound is not None:
         unfound.reset(seeds)
         played.append(_Follower(unfound, record.episodes.curves))
-    while (rows := np.any([player.goes_on for player in played], axis=0).nonzero()[0]).size:
+    while True:
+        rows = np.any([player.goes_on for player in played], axis=0).nonzero()[0]
+        if not rows.size:
+            break
         actions = np.full(batch.cells.shape, int(Action.IDLE))
         actions[rows] = stage.actions(policy, rows)
         for player in played:

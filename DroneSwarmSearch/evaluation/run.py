@@ -18,7 +18,7 @@ from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.parallel import Workers
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.evaluation.results import Evaluation
-from DroneSwarmSearch.evaluation.rollout import play
+from DroneSwarmSearch.evaluation.rollout import roll_out
 from DroneSwarmSearch.evaluation.run_folder import RunFolder
 from DroneSwarmSearch.evaluation.stage import copied, prepared, view_of
 from DroneSwarmSearch.evaluation.suite import SUITE_VERSION, as_named
@@ -179,7 +179,7 @@ def evaluate_cases(
     preparations = [partial(prepared, case.spec, case.search) for case in left]
     policies = list(workers.finished(preparations, "policies"))
     calls = [
-        partial(_play, policy, case, seeds)
+        partial(_rolled_out, policy, case, seeds)
         for case, policy in zip(left, policies, strict=True)
         for seeds in portions
     ]
@@ -230,12 +230,12 @@ def _bound_facts(search: NamedSearch) -> dict[str, Any]:
     return {**VERSIONS, "search": search.with_posterior(bayesian_update=False).fingerprint}
 
 
-def _play(policy: Callable[..., Any], case: Case, seeds: Sequence[int]) -> Episodes:
+def _rolled_out(policy: Callable[..., Any], case: Case, seeds: Sequence[int]) -> Episodes:
     if not case.is_exact or case.search.scenario.mission == "coverage":
-        return play(copied(policy), case.search, seeds, case.view)
+        return roll_out(copied(policy), case.search, seeds, case.view)
     player = copied(policy)
     # One after the other and with two seeds, so that random actions differ.
-    followed = [play(player, case.search, [seeds[0] + more], case.view) for more in range(2)]
+    followed = [roll_out(player, case.search, [seeds[0] + more], case.view) for more in range(2)]
     curves = Episodes.joined(followed).with_common_curve().curves
-    played = play(copied(policy), case.search, seeds, case.view, wants_curves=False)
+    played = roll_out(copied(policy), case.search, seeds, case.view, wants_curves=False)
     return replace(played, curves=curves)

@@ -18,18 +18,24 @@ files for people and autopilots::
 On the command line, ``droneswarmsearch plan`` does the same.
 """
 
+from DroneSwarmSearch.incident.drone import Drone, drone_of
 from DroneSwarmSearch.incident.files import write
 from DroneSwarmSearch.incident.flight_plan import Alternative, FlightPlan
 from DroneSwarmSearch.incident.flights import FlownFlight, Waypoint, read_flights
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.on_grid import locate, search_on_grid
 from DroneSwarmSearch.incident.particles import Particles, simulate
-from DroneSwarmSearch.incident.patterns import Pattern
+from DroneSwarmSearch.incident.patterns import KINDS, PARALLEL, SECTOR, SQUARE, Pattern
 from DroneSwarmSearch.incident.planning import alternatives, plan
 from DroneSwarmSearch.incident.sorties import after
 
 __all__ = [
+    "KINDS",
+    "PARALLEL",
+    "SECTOR",
+    "SQUARE",
     "Alternative",
+    "Drone",
     "FlightPlan",
     "FlownFlight",
     "Incident",
@@ -38,6 +44,7 @@ __all__ = [
     "Waypoint",
     "after",
     "alternatives",
+    "drone_of",
     "locate",
     "plan",
     "read_flights",

@@ -9,8 +9,13 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 
 PARALLEL = "parallel track"
+"""Parallel legs, and back along them."""
+
 SQUARE = "expanding square"
+"""A square spiral from its middle."""
+
 SECTOR = "sector search"
+"""Triangles that meet in the middle."""
 
 KINDS = (PARALLEL, SQUARE, SECTOR)
 """Of the IAMSAR Manual, volume II, chapter 5."""

@@ -7,10 +7,19 @@ from __future__ import annotations
 
 from DroneSwarmSearch.layouts.crops import CropsLayout
 from DroneSwarmSearch.layouts.layout import Layout, remaining_time_fraction
+from DroneSwarmSearch.layouts.masks import choose_in_turn
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
 from DroneSwarmSearch.layouts.whole_matrix import DictLayout, FlatLayout, PlanesLayout
 
-__all__ = ["JOINT_LAYOUTS", "LAYOUTS", "Layout", "remaining_time_fraction"]
+__all__ = [
+    "JOINT_LAYOUTS",
+    "LAYOUTS",
+    "CropsLayout",
+    "Layout",
+    "TopCellsLayout",
+    "choose_in_turn",
+    "remaining_time_fraction",
+]
 
 LAYOUTS: dict[str, type[Layout]] = {
     "dict": DictLayout,

@@ -1,7 +1,8 @@
 """Persons to find, as plain data: what is known of their start, drift, detection and survival."""
 
-from DroneSwarmSearch.persons.hypotheses import Drift
+from DroneSwarmSearch.persons.hypotheses import Drift, Hypotheses
+from DroneSwarmSearch.persons.known import KnownDrift
 from DroneSwarmSearch.persons.person import Person
-from DroneSwarmSearch.persons.tracks import Tracks
+from DroneSwarmSearch.persons.tracks import TrackDrift, Tracks
 
-__all__ = ["Drift", "Person", "Tracks"]
+__all__ = ["Drift", "Hypotheses", "KnownDrift", "Person", "TrackDrift", "Tracks"]

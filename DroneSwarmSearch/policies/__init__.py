@@ -17,12 +17,13 @@ from collections.abc import Callable
 from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.policies.base import BatchPolicy, SwarmPolicy
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
 from DroneSwarmSearch.policies.greedy import (
     ForecastGreedyPolicy,
     GreedyPolicy,
     PosteriorGreedyPolicy,
 )
-from DroneSwarmSearch.policies.imitation import ImitationPolicy
+from DroneSwarmSearch.policies.imitation import DEFAULT_WEIGHTS, ImitationPolicy, Network
 from DroneSwarmSearch.policies.patterns import (
     CreepingLinePolicy,
     ExpandingSquarePolicy,
@@ -32,7 +33,26 @@ from DroneSwarmSearch.policies.patterns import (
 from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.policies.random_policy import RandomPolicy
 
-__all__ = ["POLICIES", "BatchPolicy", "GreedyPolicy", "ImitationPolicy", "SwarmPolicy", "make"]
+__all__ = [
+    "DEFAULT_WEIGHTS",
+    "POLICIES",
+    "BatchPolicy",
+    "BeliefTracker",
+    "CreepingLinePolicy",
+    "ExpandingSquarePolicy",
+    "ForecastGreedyPolicy",
+    "GreedyPolicy",
+    "ImitationPolicy",
+    "Network",
+    "Outlook",
+    "ParallelSweepPolicy",
+    "PlannerPolicy",
+    "PosteriorGreedyPolicy",
+    "RandomPolicy",
+    "SectorSearchPolicy",
+    "SwarmPolicy",
+    "make",
+]
 
 
 POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {

@@ -36,6 +36,9 @@ class BeliefTracker:
 
     Copies are cheap; they share the forecasts and the beliefs, which never change.
 
+    Args:
+        scenario: the parameters of the search.
+
     Attributes:
         missing: the persons who count as missing, by number in ascending order; at least one.
         headings: the latest move of each drone, an `Action`; `Action.IDLE` before the first.

@@ -29,7 +29,8 @@ TEMPERATURE = 0.5
 OUTPUTS = 2
 """Outputs of the network in each view: the scores of flying straight ahead and of searching."""
 
-DEFAULT_WEIGHTS = Path(__file__).with_name("imitation.npz")  # the packaged weights
+DEFAULT_WEIGHTS = Path(__file__).with_name("imitation.npz")
+"""The file of the packaged weights."""
 
 
 class Network:

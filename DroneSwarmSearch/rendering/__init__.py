@@ -5,4 +5,9 @@ Importing this package does not import pygame.
 
 import os
 
+from DroneSwarmSearch.rendering.palette import PALETTES, Look, drone_colour
+from DroneSwarmSearch.rendering.text import render_text
+
+__all__ = ["PALETTES", "Look", "drone_colour", "render_text"]
+
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")

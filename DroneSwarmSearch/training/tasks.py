@@ -14,7 +14,7 @@ from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.results import Evaluation
-from DroneSwarmSearch.evaluation.rollout import play
+from DroneSwarmSearch.evaluation.rollout import roll_out
 from DroneSwarmSearch.evaluation.run import Case
 from DroneSwarmSearch.evaluation.stage import PolicyLike, copied, prepared
 from DroneSwarmSearch.layouts.view import View
@@ -140,7 +140,7 @@ class _SeveralSearches(NamedSearch):
 def _round(policy: PolicyLike, search: _SeveralSearches, number: int, view: View) -> Episodes:
     """One episode of each of the held-out searches, or 500 of the only one."""
     first = SEED + number * EPISODES
-    return play(copied(policy), search, range(first, first + EPISODES), view)
+    return roll_out(copied(policy), search, range(first, first + EPISODES), view)
 
 
 def _any_drift(grid_size: int, rng: np.random.Generator) -> dict[str, Any]:
