@@ -78,7 +78,7 @@ def test_tables_show_the_best_first():
 
 def test_a_rerun_reads_everything_from_the_folder(tmp_path, monkeypatch):
     calls = {}
-    for name in ("play", "success_bound"):
+    for name in ("roll_out", "success_bound"):
         calls[name] = Mock(wraps=getattr(run, name))
         monkeypatch.setattr(run, name, calls[name])
 
