@@ -17,11 +17,10 @@ from DroneSwarmSearch.core.mappings import Infos
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.env import DroneSwarmSearch
-from DroneSwarmSearch.layouts import LAYOUTS
+from DroneSwarmSearch.layouts.view import TOP_CELLS, View
 from DroneSwarmSearch.vector.vector_env import MASKS_IN, DroneVectorEnv
 from DroneSwarmSearch.wrappers import (
     ActionMask,
-    FlatObservation,
     LayoutObservation,
     ScaledRewards,
     SeparateFlags,
@@ -67,14 +66,14 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
         self,
         *,
         observation: str = "flat",
-        top_cells: int = 8,
+        top_cells: int = TOP_CELLS,
         action_mask: str | None = "info",
         separate_flags: bool = True,
         reward_scale: float = 1.0,
         render_mode: str | None = None,
         **parameters: Any,
     ) -> None:
-        checks.choice("observation", observation, tuple(LAYOUTS))
+        view = View("drone", observation, top_cells=top_cells)
         checks.choice("action_mask", action_mask, MASKS_IN)
         self.search = DroneSwarmSearch(render_mode=render_mode, **parameters)
         if self.search.n_drones != 1:
@@ -90,11 +89,7 @@ class SingleDroneEnv(gymnasium.Env[Any, int]):
             env = SeparateFlags(env)
         if checks.positive("reward_scale", reward_scale) != 1.0:
             env = ScaledRewards(env, reward_scale)
-        if observation == "flat":
-            env = FlatObservation(env)
-        else:
-            options = {"k": top_cells, "name": "top_cells"} if observation == "top-cells" else {}
-            env = LayoutObservation(env, LAYOUTS[observation], **options)
+        env = LayoutObservation(env, view.layout)
         self._masks = ActionMask(env, in_observation=action_mask == "observation")
         self._env: Any = env if action_mask is None else self._masks
         [self._drone] = self.search.possible_agents

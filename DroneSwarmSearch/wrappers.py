@@ -11,8 +11,9 @@ The environments in `DroneSwarmSearch.vector` offer the same through their argum
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import deepcopy
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,14 +24,14 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch.core.collision_avoidance import action_masks, swarm_masks
 from DroneSwarmSearch.core.grid import Grid
 from DroneSwarmSearch.core.mappings import Infos, Rewards
 from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.env import DroneSwarmSearch
-from DroneSwarmSearch.layouts import Layout, remaining_time_fraction
+from DroneSwarmSearch.layouts import Layout, mask_space, remaining_time_fraction
 from DroneSwarmSearch.layouts.crops import CropsLayout
 from DroneSwarmSearch.layouts.layout import own_first
-from DroneSwarmSearch.layouts.masks import action_masks, mask_space, swarm_masks
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
 from DroneSwarmSearch.layouts.whole_matrix import DictLayout, FlatLayout, PlanesLayout
 
@@ -113,10 +114,10 @@ class LayoutObservation(SearchWrapper):
     """
 
     def __init__(
-        self, env: ParallelEnv[str, Any, int], layout: type[Layout], **options: Any
+        self, env: ParallelEnv[str, Any, int], layout: Callable[[int, int], Layout]
     ) -> None:
         super().__init__(env)
-        self.layout = layout(self._search.grid_size, self._search.n_drones, **options)
+        self.layout = layout(self._search.grid_size, self._search.n_drones)
         limit = self._search.timestep_limit
         self._left = remaining_time_fraction(np.arange(limit + 1), limit)
         self._spaces = {agent: deepcopy(self.layout.space) for agent in self._names}
@@ -196,7 +197,7 @@ class TopCellsObservation(LayoutObservation):
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int], k: int = 8) -> None:
-        super().__init__(env, TopCellsLayout, k=k)
+        super().__init__(env, partial(TopCellsLayout, k=k))
 
 
 class CropsObservation(LayoutObservation):

@@ -38,9 +38,9 @@ from torch import nn
 from training_script import begin
 
 from DroneSwarmSearch import Action, Scenario, training
+from DroneSwarmSearch.core import choose_in_turn
 from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.evaluation import evaluate, search
-from DroneSwarmSearch.layouts.masks import choose_in_turn
 from DroneSwarmSearch.paths.best_paths import DronePath
 from DroneSwarmSearch.paths.joint_plan import JointPlan
 from DroneSwarmSearch.paths.passes import Target

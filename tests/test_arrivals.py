@@ -7,7 +7,7 @@ import pytest
 from trainer_examples import module
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
-from DroneSwarmSearch.layouts import choose_in_turn
+from DroneSwarmSearch.core import choose_in_turn
 from DroneSwarmSearch.policies import BeliefTracker, PosteriorGreedyPolicy, make
 from DroneSwarmSearch.policies.arrivals import BASELINE, FAR, NEAR, TURNS, VIEWS, Arrivals
 from DroneSwarmSearch.policies.greedy import WORTHWHILE_ON_ARRIVAL, claimed_in_turn

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -193,11 +194,12 @@ class SB3Policy(TrainedPolicy):
         policy = kind(space, data["action_space"], lambda _: 0.0, **data["policy_kwargs"])
         policy.load_state_dict(params["policy"])
         batch = SearchBatch(1, scenario=scenario)
-        with_masks, without = (
-            BatchObservations(batch, self.view.observation, joint=False, masks=masks)
-            for masks in (True, None)
+        drone_view = replace(self.view, form="drone")
+        views = (
+            replace(drone_view, action_mask=True),
+            replace(drone_view, action_mask=False, right_of_way=False),
         )
-        known = [_shapes(with_masks.space), _shapes(without.space)]
+        known = [_shapes(BatchObservations(batch, view).space) for view in views]
         if _shapes(space) not in known:
             raise ValueError(
                 f"the model must observe a search like this as {self.view}, got {space}"

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
+from DroneSwarmSearch._internal.cells import cell_position
 from DroneSwarmSearch.bound.trajectories import Trajectories
 from DroneSwarmSearch.core.grid import MOVES, SHIFTS, moves_between
 
@@ -257,14 +258,14 @@ class RememberingDrones:
     def _grouped(self, number: int) -> _Grouped:
         """Group the trajectories in a step."""
         here = self._cells[number]
-        y, x = np.divmod(here, self._size)
+        x, y = cell_position(here, self._size)
         past = np.zeros(len(here), np.int64)
         pasts = np.zeros((0, 1), np.int64)
         codes_of_offsets = (2 * self._memory + 1) ** 2 + 1
         for age in range(1, self._memory + 1):
             offset = np.zeros(len(here), np.int64)
             if age <= number:
-                earlier_y, earlier_x = np.divmod(self._cells[number - age], self._size)
+                earlier_x, earlier_y = cell_position(self._cells[number - age], self._size)
                 dx = earlier_x - x
                 dy = earlier_y - y
                 near = moves_between(dx, dy) < age
@@ -275,7 +276,7 @@ class RememberingDrones:
         cells, cell = _distinct(here)
         codes, group = _distinct(past * len(cells) + cell)
         past_of, cell_of = np.divmod(codes, len(cells))
-        rows, columns = np.divmod(cells, self._size)
+        columns, rows = cell_position(cells, self._size)
         top = int(rows.min())
         left = int(columns.min())
         right = int(columns.max()) + 1

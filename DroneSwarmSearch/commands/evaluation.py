@@ -151,8 +151,13 @@ def add_view(parser: argparse.ArgumentParser) -> None:
 
 def view_from(options: argparse.Namespace) -> View:
     """The `View` of these options."""
-    masks = options.action_mask, options.right_of_way
-    return View(options.view, options.observation, *masks, options.posterior)
+    return View(
+        form=options.view,
+        observation=options.observation,
+        action_mask=options.action_mask,
+        right_of_way=options.right_of_way,
+        bayesian_update=options.posterior,
+    )
 
 
 def _board(options: argparse.Namespace, added: Sequence[object]) -> board.Leaderboard:

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.cells import cell_number, cell_position
 from DroneSwarmSearch.commands.evaluation import add_view, view_from
 from DroneSwarmSearch.commands.searches import named_search
 from DroneSwarmSearch.core.frame import Frame
@@ -133,9 +134,9 @@ class _Episode:
             # Shown drone 0 where its action leads, the policy keeps the others away.
             (x, y), matrix = self._observations["drone0"]["observation"]
             size = len(matrix)
-            ahead = Grid.of(size).neighbours[y * size + x][action]
+            ahead = Grid.of(size).neighbours[cell_number(x, y, size)][action]
             if ahead != OFF_GRID:
-                y, x = divmod(ahead, size)
+                x, y = cell_position(ahead, size)
             moved: Observation = {"observation": ((x, y), matrix)}
             actions = self._policy({**self._observations, "drone0": moved})
             actions = {**actions, "drone0": int(action)}

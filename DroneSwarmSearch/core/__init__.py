@@ -1,5 +1,6 @@
 """The search: its parameters, its rules, and the state of an episode."""
 
+from DroneSwarmSearch.core.collision_avoidance import choose_in_turn, resolve_conflicts
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.grid import MOVES, OFF_GRID, Cell, Grid
 from DroneSwarmSearch.core.mappings import Infos, Rewards
@@ -37,11 +38,13 @@ __all__ = [
     "Scenario",
     "SearchRules",
     "StepEvents",
+    "choose_in_turn",
     "collisions",
     "is_quiet",
     "is_success",
     "outcome",
     "outcomes",
+    "resolve_conflicts",
     "same_cell",
     "successes",
 ]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints
+from DroneSwarmSearch._internal.cells import cell_number, cell_position
 
 Cell = tuple[int, int]  # (x, y): column and row
 
@@ -50,7 +51,7 @@ class Grid:
     def __init__(self, size: int) -> None:
         self.size = size
         self.neighbours: CellTable[tuple[int, ...]] = CellTable(self._targets_of)
-        self.positions: CellTable[Cell] = CellTable(lambda cell: (cell % size, cell // size))
+        self.positions: CellTable[Cell] = CellTable(lambda cell: cell_position(cell, size))
 
     @staticmethod
     @lru_cache(maxsize=64)
@@ -65,7 +66,9 @@ class Grid:
         x, y = self.positions[cell]
         inside = range(self.size)
         moves = (
-            (y + dy) * self.size + x + dx if x + dx in inside and y + dy in inside else OFF_GRID
+            cell_number(x + dx, y + dy, self.size)
+            if x + dx in inside and y + dy in inside
+            else OFF_GRID
             for dx, dy in MOVES
         )
         return (*moves, *[cell] * WAITING)
@@ -80,27 +83,28 @@ class Grid:
         cells = np.arange(self.size**2)
         needed = 32 * (len(MOVES) + WAITING) * len(cells)
         checks.fits("the table of the cells' neighbours", needed, grid_size=self.size)
-        y, x = np.divmod(cells, self.size)
+        x, y = cell_position(cells, self.size)
         targets = np.tile(cells[:, None], len(MOVES) + WAITING)
         for move, (dx, dy) in enumerate(MOVES):
-            inside = (x + dx) // self.size + (y + dy) // self.size == 0
-            inside &= (x + dx >= 0) & (y + dy >= 0)
-            targets[:, move] = np.where(inside, cells + dy * self.size + dx, OFF_GRID)
+            to_x = x + dx
+            to_y = y + dy
+            inside = (to_x >= 0) & (to_x < self.size) & (to_y >= 0) & (to_y < self.size)
+            targets[:, move] = np.where(inside, cell_number(to_x, to_y, self.size), OFF_GRID)
         targets.flags.writeable = False
         return targets
 
     @cached_property
     def coordinates(self) -> NDArray[np.int32]:
         """`positions` of all cells: int32, (size², 2), read-only."""
-        y, x = np.divmod(np.arange(self.size**2, dtype=np.int32), self.size)
-        coordinates = np.stack([x, y], axis=1)
+        cells = np.arange(self.size**2, dtype=np.int32)
+        coordinates = np.stack(cell_position(cells, self.size), axis=1)
         coordinates.flags.writeable = False
         return coordinates
 
     def distance(self, cells: Any, others: Any) -> Any:
         """The moves between cells, given as numbers."""
-        y, x = np.divmod(cells, self.size)
-        to_y, to_x = np.divmod(others, self.size)
+        x, y = cell_position(cells, self.size)
+        to_x, to_y = cell_position(others, self.size)
         return moves_between(to_x - x, to_y - y)
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.cells import cell_position
 from DroneSwarmSearch._internal.files import parsed_json, write_text
 from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.core.grid import Cell
@@ -56,7 +57,8 @@ class NamedSearch:
         cells = list(range(scenario.n_drones))
         if len(self.drones):
             cells = scenario.drone_cells(self.drones, "drones")
-        object.__setattr__(self, "drones", tuple((cell % size, cell // size) for cell in cells))
+        positions = tuple(cell_position(cell, size) for cell in cells)
+        object.__setattr__(self, "drones", positions)
 
     @property
     def outline(self) -> str:

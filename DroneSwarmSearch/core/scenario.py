@@ -11,6 +11,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints
+from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.rules import RewardScheme, SearchRules
 from DroneSwarmSearch.drift.axes import dispersion_rate
@@ -236,7 +237,7 @@ class Scenario:
                     f"drone{first_at[cell]} and drone{drone}"
                 )
             first_at[cell] = drone
-        return [y * size + x for x, y in first_at]
+        return [cell_number(x, y, size) for x, y in first_at]
 
     def drone_cells_of_rows(self, drones_positions: Any, rows: int) -> Ints:
         """`drone_cells`, (rows, n_drones), of (n_drones, 2) or (rows, n_drones, 2) numbers."""

@@ -12,7 +12,13 @@ from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch._internal.streams import Streams
 from DroneSwarmSearch.core.rules import COVERED_AT
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.drift.belief import Belief, mean_forecast, mean_over_missing, shown_matrix
+from DroneSwarmSearch.drift.belief import (
+    Belief,
+    begun_beliefs,
+    mean_forecast,
+    mean_over_missing,
+    shown_matrix,
+)
 
 _FEWEST_AHEAD = 8
 _MOST_AHEAD = 32
@@ -122,8 +128,7 @@ class WorldState:
     def _begun_beliefs(self) -> list[Belief]:
         """The beliefs, which begin with an episode's first search."""
         if self._beliefs is None:
-            pairs = zip(self._models, self._detections, strict=True)
-            self._beliefs = [Belief(model, pod, model.joint(self.step)) for model, pod in pairs]
+            self._beliefs = begun_beliefs(self._models, self._detections, self.step)
         return self._beliefs
 
     def _is_detected(self, person: int) -> bool:

@@ -6,7 +6,10 @@ searches of a step are applied together, then the belief is normalised, and then
 Stone, Theory of Optimal Search, 1975). The product of the sums before each normalisation is the
 probability that no search has found the person; one minus it is the probability of success (POS).
 
-Batches, arrays with trailing batch axes after those of mass, agree bit for bit.
+Beliefs begin with the first search, see `begun_beliefs`; until then, the forecast is the belief.
+
+Batches, arrays with trailing batch axes after those of mass, agree bit for bit. `vector.beliefs`
+has the array form.
 """
 
 from __future__ import annotations
@@ -59,6 +62,18 @@ class Belief(NamedTuple):
         """The probability of success that a search of each of some cells adds, times `alive`."""
         added: Floats = self.failure * (self.detection * alive) * self.map().reshape(-1)[cells]
         return added
+
+
+def begun_beliefs(
+    models: Sequence[DriftModel], detections: Sequence[float], step: int
+) -> list[Belief]:
+    """The beliefs about all persons at the first search, which are the forecasts of this step.
+
+    A person's prior costs nothing to forecast, and a belief costs a drift a step, so beliefs do
+    not begin earlier.
+    """
+    pairs = zip(models, detections, strict=True)
+    return [Belief(model, detection, model.joint(step)) for model, detection in pairs]
 
 
 def normalise(belief: Floats, which: Flags | bool = True) -> Floats:

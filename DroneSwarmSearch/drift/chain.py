@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.drift.model import DriftModel, Forecasts
 from DroneSwarmSearch.persons.tracks import Tracks
 
@@ -70,7 +71,7 @@ class Chain(DriftModel):
         visited = np.zeros(grid_size**2, np.bool_)
         for step in range(tracks.steps + 1):
             x, y = fine_cells(tracks.positions[step], grid_size, 1)
-            visited[y * grid_size + x] = True
+            visited[cell_number(x, y, grid_size)] = True
         self.kept_cells = visited.nonzero()[0]
         _, rows, columns = super().state_shape
         self._shape = (len(self.weights) * fine**2, rows, columns)
@@ -206,7 +207,8 @@ class Chain(DriftModel):
         fine = self._fine
         x, y = fine_cells(self._tracks.positions[step], size, fine)
         part = (self._labels * fine + y % fine) * fine + x % fine
-        return x, y, part * self.layer + self.slots[y // fine * size + x // fine]
+        cells = cell_number(x // fine, y // fine, size)
+        return x, y, part * self.layer + self.slots[cells]
 
 
 def _order_of_forward(after: Ints) -> tuple[Ints, list[int]]:

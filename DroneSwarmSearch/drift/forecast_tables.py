@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
+from DroneSwarmSearch._internal.cells import cell_position
 from DroneSwarmSearch.drift.axes import (
     Steps,
     joint_of,
@@ -80,7 +81,7 @@ class ForecastTables(Forecasts):
     def probabilities(self, entries: Ints, cells: Ints) -> Singles:
         if self._map_table is not None or self._joint is not None:
             return super().probabilities(entries, cells)
-        y, x = np.divmod(cells, self._size)
+        x, y = cell_position(cells, self._size)
         at_x = self._factors[entries, :, 0, x]
         at_y = self._factors[entries, :, 1, y]
         total: Singles = over_layers((at_y.astype(np.float32) * at_x.astype(np.float32)).T)

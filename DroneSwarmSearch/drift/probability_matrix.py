@@ -15,6 +15,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
+from DroneSwarmSearch._internal.cells import cell_number, cell_position
 from DroneSwarmSearch.drift.axes import (
     Drifter,
     Steps,
@@ -159,7 +160,8 @@ class ProbabilityMatrix(DriftModel):
         size = self.grid_size
         hypotheses = self.state_shape[0]
         hypothesis, cell = divmod(state, size**2)
-        y, x = divmod(cell, size)
+        x, y = cell_position(cell, size)
+        first_state = state - cell
         path = []
         end = step  # of the block
         for u, v in zip(draws_x, draws_y, strict=True):
@@ -178,7 +180,7 @@ class ProbabilityMatrix(DriftModel):
                 y += 1
             elif v < higher[at] + lower[at]:
                 y -= 1
-            path.append((hypothesis * size + y) * size + x)
+            path.append(first_state + cell_number(x, y, size))
             row += 2 * size * hypotheses
             step += 1
         return path

@@ -9,6 +9,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.rules import Action, RewardScheme
 from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
@@ -86,7 +87,7 @@ def share_found(
     size = search.grid_size
     for step, cells in enumerate(_searches_of(policy, search, drones_positions)):
         x, y = fine_cells(tracks.positions[min(step, tracks.steps)], size, 1)
-        missed[np.isin(y * size + x, cells)] *= 1.0 - search.detections[0]
+        missed[np.isin(cell_number(x, y, size), cells)] *= 1.0 - search.detections[0]
     return 1.0 - float(missed.sum())
 
 

@@ -93,12 +93,9 @@ class Stage:
         self._batch = batch
         self._view = view
         scenario = batch.scenario_of(0)
-        joint = view.form != "drone"
         self._names = tuple(f"drone{i}" for i in range(scenario.n_drones))
         self._neighbours = Grid.of(scenario.grid_size).neighbours
-        self._observations = BatchObservations(
-            batch, view.observation, joint=joint, masks=view.masks
-        )
+        self._observations = BatchObservations(batch, view)
 
     def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
         """The policy's validated actions in some rows: int64, (n, n_drones)."""

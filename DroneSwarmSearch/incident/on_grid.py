@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch._internal.cells import cell_number, cell_position
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.geo.scale import Scale
@@ -122,8 +123,7 @@ def _interpolated(cloud: Particles, times: Floats) -> Floats:
 def _likely_cells(tracks: Tracks, size: int, fewest: int) -> Ints:
     """The cells (x, y) of the smallest area that holds most of the probability: (n, 2)."""
     x, y = np.rint(tracks.positions[0].T).astype(np.int64)
-    mass = np.bincount(y * size + x, tracks.weights, size**2)
+    mass = np.bincount(cell_number(x, y, size), tracks.weights, size**2)
     likely = np.argsort(-mass, kind="stable")
     count = int(np.searchsorted(mass[likely].cumsum(), STARTS_HOLD)) + 1
-    y, x = np.divmod(likely[: max(count, fewest)], size)
-    return np.stack([x, y], axis=1)
+    return np.stack(cell_position(likely[: max(count, fewest)], size), axis=1)

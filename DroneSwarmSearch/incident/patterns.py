@@ -1,4 +1,4 @@
-"""Search patterns of the IAMSAR Manual."""
+"""Search patterns of the IAMSAR Manual over the sea, in metres; see `geo.pattern_legs`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch.geo.pattern_legs import (
+    Legs,
+    parallel_legs,
+    sector_legs,
+    square_legs,
+    turning_points,
+)
 
 PARALLEL = "parallel track"
 """Parallel legs, and back along them."""
@@ -47,35 +54,30 @@ class Pattern:
 
     def points(self, count: int) -> Floats:
         """The first points, where they are at take-off: float64, (n, 2), n at most `count`."""
-        number = np.arange(count - 1)  # of the leg
-        right = self.side * np.pi / 2  # a turn by a right angle
-        headings = self.heading + 0.0 * number
-        lengths = self.length + 0.0 * number
-        if self.kind == PARALLEL:
-            lap, leg = self._laps(number)
-            crosses = ~self.is_along(number)
-            headings += np.where(crosses, right, np.pi * (leg // 2 + lap))
-            headings += np.where(crosses & (lap % 2 == 1), np.pi, 0.0)
-            lengths[crosses] = self.spacing
-        elif self.kind == SQUARE:
-            headings += right * number
-            lengths = self.spacing * (number // 2 + 1.0)
-        else:  # triangles, each begun straight on through the datum; 30 degrees on after three
-            triangle, leg = np.divmod(number, 3)
-            headings += right / 3 * (8 * triangle + triangle // 3 + 4 * leg)
-        moves = lengths * [np.sin(headings), np.cos(headings)]
-        points = np.vstack([self.start, self.start + moves.T.cumsum(axis=0)])
+        legs = self._legs(np.arange(count - 1))
+        headings = self.heading + np.radians(self.side * legs.turns)
+        points = turning_points(self.start, headings, legs.lengths)
         is_turn = np.abs(np.sin(np.diff(headings) / 2)) > 1e-9
         turning: Floats = points[np.concatenate([[True], is_turn, [True]])]
         return turning
 
-    def is_along(self, number: Ints) -> Flags:
+    def _legs(self, numbers: Ints) -> Legs:
+        """The legs with these numbers, counted from 0."""
+        if self.kind == SQUARE:
+            return square_legs(numbers, self.spacing)
+        if self.kind == SECTOR:
+            return sector_legs(numbers, self.length)
+        laps, legs = self._laps(numbers)
+        turns, lengths = parallel_legs(legs, self.length, self.spacing)
+        return Legs(turns + 180.0 * (laps % 2), lengths)
+
+    def is_along(self, numbers: Ints) -> Flags:
         """Whether legs of a parallel track, counted from 0, lie along it; the others cross over."""
-        along: Flags = self._laps(number)[1] % 2 == 0
+        along: Flags = self._laps(numbers)[1] % 2 == 0
         return along
 
-    def _laps(self, number: Ints) -> tuple[Ints, Ints]:
+    def _laps(self, numbers: Ints) -> tuple[Ints, Ints]:
         """How often the pattern was flown before each leg, and which leg of the pattern it is."""
         whole = 2 * self.legs - 1
-        lap, leg = np.divmod(number, whole)
+        lap, leg = np.divmod(numbers, whole)
         return lap, np.where(lap % 2, whole - 1 - leg, leg)

@@ -6,8 +6,7 @@ A new layout is a class in a file of this folder, a line in `LAYOUTS`, and a cla
 from __future__ import annotations
 
 from DroneSwarmSearch.layouts.crops import CropsLayout
-from DroneSwarmSearch.layouts.layout import Layout, remaining_time_fraction
-from DroneSwarmSearch.layouts.masks import choose_in_turn
+from DroneSwarmSearch.layouts.layout import Layout, mask_space, remaining_time_fraction
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
 from DroneSwarmSearch.layouts.whole_matrix import DictLayout, FlatLayout, PlanesLayout
 
@@ -17,7 +16,7 @@ __all__ = [
     "CropsLayout",
     "Layout",
     "TopCellsLayout",
-    "choose_in_turn",
+    "mask_space",
     "remaining_time_fraction",
 ]
 

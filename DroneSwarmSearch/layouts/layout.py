@@ -14,6 +14,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch.core.rules import Action
 
 Positions = NDArray[np.integer]
 Observations = Any  # an array, or a dict of arrays
@@ -45,6 +46,12 @@ class Layout(ABC):
             out: an array of the space's dtype and shape, or a dict of such arrays, with axes in
                 front for the searches and the drones; for a joint layout, the second one is 1.
         """
+
+
+def mask_space(n_drones: int | None = None) -> spaces.Box:
+    """The space of masks in observations: int8, shape (6,), or (n_drones, 6) for a swarm."""
+    shape = (len(Action),) if n_drones is None else (n_drones, len(Action))
+    return spaces.Box(0, 1, shape, np.int8)
 
 
 def remaining_time_fraction(steps: Any, timestep_limit: int) -> Singles:

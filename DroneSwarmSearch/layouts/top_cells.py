@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch._internal.cells import cell_position
 from DroneSwarmSearch.layouts.layout import Layout, Positions, own_first, scaled_positions
 
 _LOW = np.uint64(2**32 - 1)
@@ -30,7 +31,7 @@ class TopCellsLayout(Layout):
         k = self.k
         own = positions[:, :, None]
         cells, probabilities = likeliest_cells(matrices, k)
-        y, x = np.divmod(cells[:, None], size)
+        x, y = cell_position(cells[:, None], size)
         by_cell = out[..., : 3 * k].reshape(*out.shape[:2], k, 3)
         scaled_positions(x - own[..., 0], size, by_cell[..., 0])
         scaled_positions(y - own[..., 1], size, by_cell[..., 1])

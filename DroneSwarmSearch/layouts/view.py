@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.layouts import LAYOUTS
+from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, TopCellsLayout
 
 FORMS = "swarm", "drone", "parallel"
+TOP_CELLS = 8  # cells in the layout "top-cells", by default
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class View:
         right_of_way: whether these masks prevent all collisions.
         bayesian_update: whether the policy sees the posterior, or the prior that only follows
             the drift; None: as in the search.
+        top_cells: the number of cells in the layout "top-cells"; from 1 to grid_size².
 
     Raises:
         ValueError: an attribute is out of range, or they cannot be combined.
@@ -41,6 +43,7 @@ class View:
     action_mask: bool = False
     right_of_way: bool = False
     bayesian_update: bool | None = None
+    top_cells: int = TOP_CELLS
 
     def __post_init__(self) -> None:
         if self.form is not None:
@@ -48,13 +51,29 @@ class View:
         checks.choice("observation", self.observation, tuple(LAYOUTS))
         if self.form == "parallel" and self.observation != "dict":
             raise ValueError(f"view='parallel' needs observation='dict', got {self.observation!r}")
+        checks.integer("top_cells", self.top_cells, 1)
+        if self.top_cells != TOP_CELLS and self.observation != "top-cells":
+            raise ValueError(
+                f"top_cells belongs to observation='top-cells', got {self.top_cells} with "
+                f"observation={self.observation!r}"
+            )
         if self.right_of_way and not self.action_mask:
             raise ValueError("right_of_way=True needs action_mask=True, got action_mask=False")
 
     @property
-    def masks(self) -> bool | None:
-        """Whether the masks have right of way; None without masks."""
-        return self.right_of_way if self.action_mask else None
+    def is_joint(self) -> bool:
+        """Whether an observation shows a whole swarm."""
+        return self.form != "drone"
+
+    def layout(self, grid_size: int, n_drones: int) -> Layout:
+        """The layout for searches of these sizes.
+
+        Raises ValueError if `top_cells` are more than there are.
+        """
+        if self.observation == "top-cells":
+            return TopCellsLayout(grid_size, n_drones, self.top_cells, name="top_cells")
+        options = {"joint": True} if self.is_joint and self.observation in JOINT_LAYOUTS else {}
+        return LAYOUTS[self.observation](grid_size, n_drones, **options)
 
     def over(self, other: View) -> View:
         """The other view, but with those attributes of this one that differ from their defaults."""

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch._internal.cells import cell_number, cell_position
 from DroneSwarmSearch.core.grid import Grid
 from DroneSwarmSearch.paths.passes import Passes
 
@@ -41,14 +42,15 @@ class Boxes(NamedTuple):
         goals = np.where(is_anywhere, starts, goals)
         first: list[Ints] = []
         lengths: list[int] = []
-        for start, goal in zip(np.divmod(starts, size), np.divmod(goals, size), strict=True):
+        axes = zip(cell_position(starts, size), cell_position(goals, size), strict=True)
+        for start, goal in axes:
             low = (np.minimum(start, goal) - slack).min(axis=1) - margin
             high = (np.maximum(start, goal) + slack).max(axis=1) + margin
             length = min(int((high - low).max()) + 1, size)
             lengths.append(length)
             first.append(np.clip(low, 0, size - length))
-        top, left = first
-        height, width = lengths
+        left, top = first
+        width, height = lengths
         return cls(top, left, height, width, size)
 
     @property
@@ -65,18 +67,17 @@ class Boxes(NamedTuple):
 
     def indices(self, cells: Ints) -> Ints:
         """The indices y * width + x in the boxes of cells on the grid, (..., K); -1 if outside."""
-        row, column = np.divmod(cells, self.size)
-        y = row - self.top
+        column, row = cell_position(cells, self.size)
         x = column - self.left
+        y = row - self.top
         is_inside = (y >= 0) & (y < self.height) & (x >= 0) & (x < self.width)
-        indices: Ints = np.where(is_inside, y * self.width + x, -1)
+        indices: Ints = np.where(is_inside, cell_number(x, y, self.width), -1)
         return indices
 
     def cells(self, indices: Ints) -> Ints:
         """The cells on the grid of indices in the boxes, (..., K, m)."""
-        y, x = np.divmod(indices, self.width)
-        cells: Ints = (y + self.top[:, None]) * self.size + x + self.left[:, None]
-        return cells
+        x, y = cell_position(indices, self.width)
+        return cell_number(x + self.left[:, None], y + self.top[:, None], self.size)
 
     def meet(self, box: int) -> Flags:
         """Whether each box has a cell in common with one of them: (K,)."""
@@ -213,11 +214,11 @@ class TargetWindow:
         """The index of the searched states in each step, given the arguments of `add`."""
         model = self._target.model
         if self._transitions:
-            row, column = np.divmod(cells, model.grid_size)
-            y = row - self._boxes.top[:, None]
+            column, row = cell_position(cells, model.grid_size)
             x = column - self._boxes.left[:, None]
+            y = row - self._boxes.top[:, None]
         else:
-            y, x = np.divmod(model.slots[cells], model.grid_size)
+            x, y = cell_position(model.slots[cells], model.grid_size)
         indices = []
         for step, searching in enumerate(searches):
             who = searching.nonzero()

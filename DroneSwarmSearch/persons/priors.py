@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch._internal.erf import erf
 
 __all__ = ["from_points", "gaussian", "line", "polygon"]
@@ -183,7 +184,7 @@ def _histogram(grid_size: int, points: Floats, weights: Floats) -> Floats:
     """The sum of the weights of the points in each cell, shape (N, N), indexed [y, x]."""
     within = ((points >= -0.5) & (points < grid_size - 0.5)).all(axis=1)
     x, y = np.floor(points[within] + 0.5).astype(np.int64).T
-    sums = np.bincount(y * grid_size + x, weights[within], grid_size**2)
+    sums = np.bincount(cell_number(x, y, grid_size), weights[within], grid_size**2)
     return sums.astype(np.float64).reshape(grid_size, grid_size)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Integers, Singles
+from DroneSwarmSearch._internal.cells import cell_number, cell_position
 from DroneSwarmSearch.core.grid import moves_between
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.layouts.crops import LENGTH, SCALES, WINDOW, CropsLayout
@@ -132,7 +133,7 @@ class Arrivals:
         axis = np.arange(grid_size)
         self._axis = axis.astype(np.float32)
         self._offsets = np.abs(axis[:, None] - axis)
-        self._cells = axis[:, None] * grid_size + axis
+        self._cells = cell_number(axis, axis[:, None], grid_size)
         exponents = np.arange(2 * grid_size)
         self._near = (NEAR**exponents).astype(np.float32)  # by distance
         self._far = (FAR**exponents).astype(np.float32)
@@ -246,7 +247,7 @@ class Arrivals:
         for number, group in enumerate(groups):
             relative = group / np.maximum(group.max(axis=1, keepdims=True), TINY)
             scores[:, number] = np.log(np.maximum(relative, np.float32(LEAST))) / 2
-        row, column = np.divmod(claims.reshape(-1), self.grid_size)
+        column, row = cell_position(claims.reshape(-1), self.grid_size)
         down = row - y
         right = column - x
         scores[:, -1, :4] = np.stack([right, down, -right, -down], 1) > 0

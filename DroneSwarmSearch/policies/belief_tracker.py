@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Singles
+from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.core.grid import MOVES, Cell
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.drift.belief import Belief, shown_matrix
+from DroneSwarmSearch.drift.belief import Belief, begun_beliefs, shown_matrix
 
 MOST_SETS = 4096  # how many sets of found persons are compared with the matrix, smallest first
 HEADINGS = frozenset(map(Action, range(len(MOVES))))  # the actions that move a drone
@@ -131,7 +132,7 @@ class BeliefTracker:
         """Advance by a step: searches that did not find those still missing, then drift."""
         size = self.scenario.grid_size
         searched = [
-            y * size + x
+            cell_number(x, y, size)
             for (x, y), action in zip(cells, actions, strict=True)
             if action == Action.SEARCH
         ]
@@ -148,10 +149,10 @@ class BeliefTracker:
 
     def _update_beliefs(self, searched: list[int]) -> None:
         """Apply Bayes' rule for unsuccessful searches."""
-        beliefs = list(self._beliefs or ())
-        if not beliefs:  # before the first search
-            persons = enumerate(zip(self.forecasts, self.scenario.detections, strict=True))
-            beliefs = [Belief(*person, self.joint(number)) for number, person in persons]
+        if self._beliefs is None:
+            beliefs = begun_beliefs(self.forecasts, self.scenario.detections, self.step)
+        else:
+            beliefs = list(self._beliefs)
         perhaps_found = []
         for person in self.missing:
             belief = beliefs[person]

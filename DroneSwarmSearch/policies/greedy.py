@@ -10,18 +10,19 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles
+from DroneSwarmSearch._internal.cells import cell_position
+from DroneSwarmSearch.core.collision_avoidance import approach_in_turn
 from DroneSwarmSearch.core.grid import Cell, moves_between
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
-from DroneSwarmSearch.policies.conflicts import ACTION_OF
 
 DISCOUNT = 0.7  # factor on the value of a success for every step that it comes later
 
@@ -67,7 +68,7 @@ class _Greedy(SwarmPolicy):
         claimed = np.zeros(size**2)
         for _ in cells:
             drone, favourite = divmod(int(scores.argmax()), size**2)
-            target = favourite % size, favourite // size
+            target = cell_position(favourite, size)
             targets.append((drone, target))
             scores[drone] = -np.inf
             claimed[favourite] += math.log(CLAIMED)
@@ -138,7 +139,7 @@ class GreedyPolicy(_Greedy):
 
     def choose(self, memory: Floats, cells: list[Cell], matrix: Singles) -> list[Action]:
         values = matrix.astype(np.float64) * (1.0 - memory)
-        actions = _moves(cells, self._targets(cells, values), values)
+        actions = approach_in_turn(cells, self._targets(cells, values), values)
         if not self.scenario.bayesian_update:
             memory *= FADING
             for (x, y), action in zip(cells, actions, strict=True):
@@ -171,7 +172,7 @@ class PosteriorGreedyPolicy(_Greedy):
     def actions(self, tracker: BeliefTracker, cells: list[Cell]) -> list[Action]:
         """The drones' actions, given the beliefs, which do not change."""
         targets, success = self._choice(tracker, cells)
-        return _moves(cells, targets, success)
+        return approach_in_turn(cells, targets, success)
 
     def _choice(
         self, memory: BeliefTracker, cells: list[Cell]
@@ -218,27 +219,3 @@ class ForecastGreedyPolicy(PosteriorGreedyPolicy):
 
         values = on_arrival(np.arange(len(cells)))
         return self._targets(cells, values, claim), next_success
-
-
-def _moves(
-    cells: list[Cell], targets: Iterable[tuple[int, Cell]], probability: Floats
-) -> list[Action]:
-    """Every drone's action towards its target, without collisions."""
-    closed = set(cells)
-    actions = [Action.IDLE] * len(cells)
-    for drone, target in targets:
-        x, y = cells[drone]
-        to_x = target[0] - x
-        to_y = target[1] - y
-        nearer = [
-            # In a tie the longer leg comes first, which keeps both directions open.
-            ((probability[y + dy, x + dx], abs(to_x * dx + to_y * dy)), action, (x + dx, y + dy))
-            for (dx, dy), action in ACTION_OF.items()
-            if to_x * dx + to_y * dy > 0 and (x + dx, y + dy) not in closed
-        ]
-        if cells[drone] == target:
-            actions[drone] = Action.SEARCH
-        elif nearer:
-            _, actions[drone], ahead = max(nearer, key=lambda option: option[0])
-            closed.add(ahead)
-    return actions

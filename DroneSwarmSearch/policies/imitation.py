@@ -12,10 +12,11 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch._internal.cells import cell_number
+from DroneSwarmSearch.core.collision_avoidance import choose_in_turn
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.layouts.masks import choose_in_turn
 from DroneSwarmSearch.policies.arrivals import INPUTS, TURNS, VIEWS, Arrivals
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy
@@ -112,7 +113,7 @@ class ImitationPolicy(OpenLoopPolicy):
 
     The policy tracks the posterior itself. Each drone observes the probability that searching a
     cell succeeds (POS) at the time of its arrival there (`Arrivals`), and the network computes the
-    logits of its actions. The drones take their best actions in turn (`masks.choose_in_turn`).
+    logits of its actions. The drones take their best actions in turn (`choose_in_turn`).
 
     Until a person is found, an unsuccessful search can be simulated exactly. Before the first
     step, the policy simulates the search with the network's best actions, with `samples` samples
@@ -184,6 +185,6 @@ class ImitationPolicy(OpenLoopPolicy):
         logits = self._network(inputs[0])
         if rng is not None:
             logits += (TEMPERATURE * rng.gumbel(size=logits.shape)).astype(np.float32)
-        indices = positions[..., 1] * size + positions[..., 0]
-        actions: list[int] = choose_in_turn(logits[None], indices, size)[0][0].tolist()
+        numbers = cell_number(positions[..., 0], positions[..., 1], size)
+        actions: list[int] = choose_in_turn(logits[None], numbers, size)[0][0].tolist()
         return actions

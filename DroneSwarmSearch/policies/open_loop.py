@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Singles
+from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.core.grid import Cell, Grid
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
@@ -102,15 +103,19 @@ class OpenLoopPolicy(SwarmPolicy):
 
         Also returns the probability that they find each missing person, alive.
         """
-        tracker, unfound = copy.deepcopy(tracker), np.ones(len(tracker.missing))
+        size = self.scenario.grid_size
+        tracker = copy.deepcopy(tracker)
+        unfound = np.ones(len(tracker.missing))
         dead = np.zeros(len(unfound))  # the probability that they find the person dead
         steps: list[PlanStep] = []
         for _ in range(self.horizon(tracker)):
             actions = [*map(int, act(tracker, cells))]
             steps.append((cells, actions))
-            indices = [y * self.scenario.grid_size + x for x, y in cells]
-            moved = [*zip(indices, actions, strict=True)]
-            searched = [cell for cell, action in moved if action == Action.SEARCH]
+            searched = [
+                cell_number(x, y, size)
+                for (x, y), action in zip(cells, actions, strict=True)
+                if action == Action.SEARCH
+            ]
             for which, person in enumerate(tracker.missing if searched else ()):
                 within = float(tracker.belief(person).reshape(-1)[searched].sum())
                 found = min(self.scenario.detections[person] * within, 1.0)
@@ -123,6 +128,6 @@ class OpenLoopPolicy(SwarmPolicy):
 
     def ahead(self, cells: list[Cell], actions: Sequence[int]) -> list[Cell]:
         """The drones' cells after a step of actions that keep them on the grid."""
-        indices = (y * self.scenario.grid_size + x for x, y in cells)
-        moves = zip(indices, actions, strict=True)
+        numbers = (cell_number(x, y, self.scenario.grid_size) for x, y in cells)
+        moves = zip(numbers, actions, strict=True)
         return [self._grid.positions[self._grid.neighbours[cell][action]] for cell, action in moves]

@@ -1,22 +1,27 @@
-"""The geometry of the search patterns of the IAMSAR Manual.
+"""The search patterns of the IAMSAR Manual on the grid; `geo.pattern_legs` has their legs.
 
-Source: International Aeronautical and Maritime Search and Rescue Manual, volume II, IMO and
-ICAO, chapter on search techniques; sweeps at equal spacing go back to B. O. Koopman, Search and
-Screening, 1946. A track is a list of turning points joined by straight legs.
-
-Points are (x, y) in cells, whole numbers at the centres of cells; y grows downward. Headings are
-in degrees, clockwise from up.
+A track is the turning points of a pattern, (x, y) in cells: float64, shape (n, 2). Whole numbers
+are the centres of cells; y grows downward. Headings are in degrees, clockwise from up.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from DroneSwarmSearch._internal.arrays import Pair
+import numpy as np
+from numpy.typing import ArrayLike
+
+from DroneSwarmSearch._internal.arrays import Floats, Ints, Pair
 from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.geo.pattern_legs import (
+    Legs,
+    parallel_legs,
+    sector_legs,
+    square_legs,
+    turning_points,
+)
 
 
 class Rectangle(NamedTuple):
@@ -45,19 +50,25 @@ class Rectangle(NamedTuple):
         return self.width * self.height
 
 
-def parallel_legs(area: Rectangle, along_x: bool, corner: Cell) -> list[Pair]:
-    """The turning points of parallel legs in alternating directions, one cell apart.
+def parallel_track(area: Rectangle, along_x: bool, corner: Cell) -> Floats:
+    """Parallel legs from a corner of an area, over every cell of it once; one cell apart."""
+    is_left = corner[0] == area.x
+    is_top = corner[1] == area.y
+    if along_x:
+        heading = 90.0 if is_left else 270.0
+        legs = _numbers_of_legs(area.height)
+        length = area.width - 1
+    else:
+        heading = 180.0 if is_top else 0.0
+        legs = _numbers_of_legs(area.width)
+        length = area.height - 1
+    turns_right = (is_left == is_top) == along_x
+    return _track(corner, heading, parallel_legs(legs, length, 1.0), turns_right)
 
-    With legs along the area's longer side this is the parallel sweep search, PS; along the
-    shorter side, the creeping line search, CS. The track starts in a corner.
-    """
-    columns = range(area.x, area.x + area.width)[:: 1 if corner[0] == area.x else -1]
-    rows = range(area.y, area.y + area.height)[:: 1 if corner[1] == area.y else -1]
-    points: list[Pair] = []
-    for leg, line in enumerate(rows if along_x else columns):
-        ends = (columns if along_x else rows)[:: -1 if leg % 2 else 1]
-        points += [(end, line) if along_x else (line, end) for end in (ends[0], ends[-1])]
-    return points
+
+def _numbers_of_legs(lines: int) -> Ints:
+    """The numbers of the legs along some parallel lines, and of those between them."""
+    return np.arange(2 * lines - 1)
 
 
 def strips_of(area: Rectangle, count: int, along_x: bool) -> list[Rectangle]:
@@ -67,14 +78,14 @@ def strips_of(area: Rectangle, count: int, along_x: bool) -> list[Rectangle]:
     """
     legs, length = (area.height, area.width) if along_x else (area.width, area.height)
     across = min(count, legs)
-    strips = []
+    strips: list[Rectangle] = []
     for index, (first, lines) in enumerate(_divided(legs, across)):
         cuts = min(count // across + (index < count % across), length)
         for begin, run in _divided(length, cuts):
-            x, y, width, height = (
-                (begin, first, run, lines) if along_x else (first, begin, lines, run)
-            )
-            strips.append(Rectangle(area.x + x, area.y + y, width, height))
+            if along_x:
+                strips.append(Rectangle(area.x + begin, area.y + first, run, lines))
+            else:
+                strips.append(Rectangle(area.x + first, area.y + begin, lines, run))
     return strips
 
 
@@ -99,42 +110,36 @@ def _divided(length: int, parts: int) -> list[tuple[int, int]]:
     return [(begin, end - begin) for begin, end in pairwise(borders)]
 
 
-def expanding_square(datum: Pair, legs: int, heading: float = 0.0) -> list[Pair]:
-    """The expanding square search, SS: legs of S, S, 2S, 2S, 3S, 3S…, turns of 90° to the right.
+def expanding_square(datum: Pair, legs: int, heading: float = 0.0) -> Floats:
+    """An expanding square with the first leg along a heading, and turns to the right.
 
-    The spacing S is one cell; turned by 45° it is the diagonal of a cell, so that the turning
+    The spacing is one cell; turned by 45° it is the diagonal of a cell, so that the turning
     points, from the datum to the end, are at centres of cells again.
     """
     spacing = math.sqrt(2.0) if heading % 90.0 else 1.0
-    lengths = [spacing * (leg // 2 + 1) for leg in range(legs)]
-    return _ends_of_legs(datum, lengths, [heading + 90.0 * leg for leg in range(legs)])
+    return _track(datum, heading, square_legs(np.arange(legs), spacing))
 
 
-def sector_search(datum: Pair, radius: float, heading: float = 0.0) -> list[Pair]:
-    """The sector search, VS: three triangles through the datum, with nine legs of length R.
-
-    All turns are 120° to the right; over the datum the track continues straight into the next
-    triangle. Returns the ten ends of the legs.
-    """
-    headings = [heading + 120.0 * turns for turns in (0, 1, 2, 2, 3, 4, 4, 5, 6)]
-    return _ends_of_legs(datum, [radius] * 9, headings)
+def sector_search(datum: Pair, radius: float, heading: float = 0.0) -> Floats:
+    """A sector search of three triangles, with the first leg along a heading, to the right."""
+    return _track(datum, heading, sector_legs(np.arange(9), radius))
 
 
-def _ends_of_legs(start: Pair, lengths: Sequence[float], headings: Sequence[float]) -> list[Pair]:
-    points = [start]
-    for length, heading in zip(lengths, headings, strict=True):
-        x, y = points[-1]
-        angle = math.radians(heading)
-        points.append((x + length * math.sin(angle), y - length * math.cos(angle)))
-    return points
+def _track(start: Pair, heading: float, legs: Legs, turns_right: bool = True) -> Floats:
+    """The turning points of legs."""
+    turns = legs.turns if turns_right else -legs.turns
+    x, y = start
+    east_and_north = turning_points((x, -y), np.radians(heading + turns), legs.lengths)
+    track: Floats = east_and_north * (1.0, -1.0)
+    return track
 
 
-def cells_along(points: Iterable[Pair], grid_size: int) -> list[Cell]:
+def cells_along(track: ArrayLike, grid_size: int) -> list[Cell]:
     """The cells (x, y) along a track, as often as it crosses them, each next to the one before.
 
     Legs that are not parallel to an axis become staircases. Cells outside the grid are left out.
     """
-    corners = [(math.floor(x + 0.5), math.floor(y + 0.5)) for x, y in points]
+    corners = [(x, y) for x, y in np.floor(np.asarray(track) + 0.5).astype(np.int64).tolist()]
     cells = corners[:1]
     for begin, end in pairwise(corners):
         cells += _staircase(begin, end)

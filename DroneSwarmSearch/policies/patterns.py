@@ -1,7 +1,7 @@
 """The search patterns of the IAMSAR Manual as policies.
 
 The drones fly to the commence search points without searching, then search every cell of their
-tracks (IAMSAR Manual, volume II; `pattern_tracks` has the geometry, `datum` the area). When all
+tracks (IAMSAR Manual, volume II; `pattern_tracks` has the tracks, `datum` the area). When all
 have finished, they start again around a new datum: the person's expected position when they are
 half-way through. The track spacing is one cell.
 
@@ -17,17 +17,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch.core.collision_avoidance import ACTION_OF, resolve_conflicts
 from DroneSwarmSearch.core.grid import Cell, moves_between
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
-from DroneSwarmSearch.policies.conflicts import ACTION_OF, resolve_conflicts
 from DroneSwarmSearch.policies.datum import REACH, Datum, datums_of
 from DroneSwarmSearch.policies.pattern_tracks import (
     Rectangle,
     cells_along,
     expanding_square,
-    parallel_legs,
+    parallel_track,
     parts_of,
     sector_search,
     strips_of,
@@ -71,18 +71,18 @@ class _PatternMemory:
 
     tracker: BeliefTracker
     progress: list[_RouteProgress] = field(default_factory=list)
-    passes: int = 0
+    laid_out: int = 0
 
 
 class PatternPolicy(SwarmPolicy):
     """Lays out tracks around a datum; the drones search along them."""
 
     @abstractmethod
-    def routes(self, datum: Datum, passes: int) -> list[list[Route]]:
+    def routes(self, datum: Datum, laid_out: int) -> list[list[Route]]:
         """Alternative routes for each drone, or for fewer, at least one: cells to search in order.
 
-        The nearest drone takes the one that starts nearest to it. `passes` is how many times tracks
-        have been laid out before.
+        The nearest drone takes the one that starts nearest to it. `laid_out` is how many times
+        tracks have been laid out before.
         """
 
     def begin(self) -> _PatternMemory:
@@ -91,9 +91,9 @@ class PatternPolicy(SwarmPolicy):
     def choose(self, memory: _PatternMemory, cells: list[Cell], matrix: Singles) -> list[Action]:
         memory.tracker.observe(matrix)
         if all(progress.is_done for progress in memory.progress):
-            routes = self.routes(self._datum(memory, cells), memory.passes)
+            routes = self.routes(self._datum(memory, cells), memory.laid_out)
             memory.progress = _assigned(routes, cells)
-            memory.passes += 1
+            memory.laid_out += 1
         wanted, searching = _wanted(memory.progress, cells)
         nexts = resolve_conflicts(cells, wanted)
         actions = []
@@ -116,7 +116,7 @@ class PatternPolicy(SwarmPolicy):
         for _ in range(5):
             forecasts = [tracker.forecasts[person] for person in tracker.missing]
             datums = [datum for forecast in forecasts for datum in datums_of(forecast, half_way)]
-            datum, *later = datums[memory.passes % len(datums) :]
+            datum, *later = datums[memory.laid_out % len(datums) :]
             weight = sum(other.weight for other in later) + datum.weight
             left = (limit - tracker.step) * datum.weight / weight
             effort = len(cells) * (left - way) / STEPS_PER_CELL
@@ -133,12 +133,12 @@ class ParallelSweepPolicy(PatternPolicy):
 
     _along_longer_side = True
 
-    def routes(self, datum: Datum, passes: int) -> list[list[Route]]:
+    def routes(self, datum: Datum, laid_out: int) -> list[list[Route]]:
         size = self.scenario.grid_size
         area = datum.area(size)
         along_x = (area.width >= area.height) == self._along_longer_side
         return [
-            [cells_along(parallel_legs(strip, along_x, corner), size) for corner in strip.corners]
+            [cells_along(parallel_track(strip, along_x, corner), size) for corner in strip.corners]
             for strip in strips_of(area, self.scenario.n_drones, along_x)
         ]
 
@@ -157,10 +157,10 @@ class ExpandingSquarePolicy(PatternPolicy):
     against the drift.
     """
 
-    def routes(self, datum: Datum, passes: int) -> list[list[Route]]:
+    def routes(self, datum: Datum, laid_out: int) -> list[list[Route]]:
         size = self.scenario.grid_size
         heading = 90.0 * round(_drift_heading(self.scenario.mean_vector) / 90.0 + 2.0)
-        turned = passes % 2 == 1
+        turned = laid_out % 2 == 1
         routes = []
         for part in parts_of(datum.area(size), self.scenario.n_drones):
             side = math.sqrt(part.area / (2.0 if turned else 1.0))  # in track spacings
@@ -179,14 +179,14 @@ class SectorSearchPolicy(PatternPolicy):
     along the drift.
     """
 
-    def routes(self, datum: Datum, passes: int) -> list[list[Route]]:
+    def routes(self, datum: Datum, laid_out: int) -> list[list[Route]]:
         size = self.scenario.grid_size
         drones = self.scenario.n_drones
         reach = REACH * math.sqrt((datum.deviation[0] ** 2 + datum.deviation[1] ** 2) / 2)
         affordable = datum.effort / drones / (9 * CELLS_PER_LENGTH)
         radius = max(min(reach, affordable), 1.0)
         sector = 60.0 / drones  # one drone's legs leave the datum every 60°
-        first = _drift_heading(self.scenario.mean_vector) + (passes % 2) * sector / 2
+        first = _drift_heading(self.scenario.mean_vector) + (laid_out % 2) * sector / 2
         return [
             [cells_along(sector_search(datum.mean, radius, first + drone * sector), size)]
             for drone in range(drones)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
+from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.rules import Action
@@ -117,7 +118,7 @@ class PlannerPolicy(OpenLoopPolicy):
     def _paths(self, steps: Sequence[PlanStep]) -> list[DronePath]:
         """Every drone's path in a plan."""
         size = self.scenario.grid_size
-        cells = [[y * size + x for x, y in here] for here, _ in steps]
+        cells = [[cell_number(x, y, size) for x, y in here] for here, _ in steps]
         last = zip(cells[-1], steps[-1][1], strict=True)
         cells.append([self._grid.neighbours[cell][action] for cell, action in last])
         searches = [[action == Action.SEARCH for action in actions] for _, actions in steps]

@@ -9,56 +9,45 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space, create_empty_array
 
 from DroneSwarmSearch._internal.arrays import Ints
-from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, remaining_time_fraction
+from DroneSwarmSearch.core.collision_avoidance import action_masks
+from DroneSwarmSearch.layouts import (
+    JOINT_LAYOUTS,
+    mask_space,
+    remaining_time_fraction,
+)
 from DroneSwarmSearch.layouts.layout import Observations
-from DroneSwarmSearch.layouts.masks import action_masks, mask_space
+from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.vector.engine import SearchBatch
-
-TOP_CELLS = 8  # cells in the layout "top-cells", by default
 
 
 class BatchObservations:
-    """Observes the sub-environments of a batch in the layout of this name.
+    """Observes the sub-environments of a batch.
 
     Args:
-        joint: whether a sub-environment is a whole swarm.
-        top_cells: of the layout "top-cells".
-        masks: None for observations without action masks; otherwise whether these have right of
-            way.
+        batch: the batch.
+        view: what the observations show. A sub-environment is a drone if its form is "drone",
+            otherwise a whole swarm.
 
     Attributes:
         space: the observation space of a sub-environment.
     """
 
-    def __init__(
-        self,
-        batch: SearchBatch,
-        name: str,
-        *,
-        joint: bool,
-        top_cells: int = TOP_CELLS,
-        masks: bool | None = None,
-    ) -> None:
+    def __init__(self, batch: SearchBatch, view: View) -> None:
         scenario = batch.scenario_of(0)
+        joint = view.is_joint
         self._batch = batch
-        self._joint = joint
-        self._masks = masks
+        self._view = view
         self._size = scenario.grid_size
         self._limit = scenario.timestep_limit
         self._each = 1 if joint else scenario.n_drones  # sub-environments in a swarm
         # The layout "dict" of swarms holds the matrices as they are.
-        self._shows_matrices = joint and name == "dict"
-        self._stacks = joint and name not in JOINT_LAYOUTS
-        options: dict[str, Any] = {}
-        if name == "top-cells":
-            options = {"k": top_cells, "name": "top_cells"}
-        elif joint and not self._stacks:
-            options = {"joint": True}
-        self._layout: Layout = LAYOUTS[name](self._size, scenario.n_drones, **options)
+        self._shows_matrices = joint and view.observation == "dict"
+        self._stacks = joint and view.observation not in JOINT_LAYOUTS
+        self._layout = view.layout(self._size, scenario.n_drones)
         self.space: spaces.Space[Any] = self._layout.space
         if self._stacks:
             self.space = batch_space(self.space, scenario.n_drones)
-        if masks is not None:
+        if view.action_mask:
             mask = mask_space(scenario.n_drones if joint else None)
             self.space = spaces.Dict({"observation": self.space, "action_mask": mask})
 
@@ -78,8 +67,8 @@ class BatchObservations:
         which = slice(None) if rows is None else rows
         cells = batch.cells[which]
         positions = batch.positions[which]
-        if self._masks is not None:
-            masks = action_masks(cells, self._size, self._masks)
+        if self._view.action_mask:
+            masks = action_masks(cells, self._size, self._view.right_of_way)
             out["action_mask"][...] = masks.reshape(out["action_mask"].shape)
             out = out["observation"]
         if rows is None and self._shows_matrices:  # saves a copy

@@ -17,14 +17,14 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch._internal.signatures import shows_keywords_of
+from DroneSwarmSearch.core.collision_avoidance import action_masks
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.rules import Action, Ending, successes
-from DroneSwarmSearch.layouts import LAYOUTS
 from DroneSwarmSearch.layouts.layout import Observations
-from DroneSwarmSearch.layouts.masks import action_masks
+from DroneSwarmSearch.layouts.view import TOP_CELLS, View
 from DroneSwarmSearch.rendering.display import Display
 from DroneSwarmSearch.vector.engine import SearchBatch
-from DroneSwarmSearch.vector.observations import TOP_CELLS, BatchObservations
+from DroneSwarmSearch.vector.observations import BatchObservations
 
 Values = Any  # an array with a first axis for the sub-environments
 Infos = dict[str, Any]
@@ -71,15 +71,15 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self._check_names(parameters)
         swarms = checks.integer(self._count_name, num_swarms, 1)
         copies = checks.boolean("copy", copy)
-        checks.choice("observation", observation, tuple(LAYOUTS))
-        checks.integer("top_cells", top_cells, 1)
-        if top_cells != TOP_CELLS and observation != "top-cells":
-            raise ValueError(
-                f"top_cells belongs to observation='top-cells', got {top_cells} with "
-                f"observation={observation!r}"
-            )
         self._mask = checks.choice("action_mask", action_mask, MASKS_IN)
         self.right_of_way = checks.boolean("right_of_way", right_of_way)
+        view = View(
+            form="swarm" if self._joint else "drone",
+            observation=observation,
+            action_mask=self._mask == "observation",
+            right_of_way=self.right_of_way and self._mask == "observation",
+            top_cells=top_cells,
+        )
         self.autoreset_mode = self._mode = AutoresetMode(autoreset_mode)  # TorchRL reads it
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
         self._separate = checks.boolean("separate_flags", separate_flags)
@@ -92,14 +92,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self._display = Display(self._size, fps=self.metadata["render_fps"])
         self._each = 1 if self._joint else scenario.n_drones  # sub-environments in a swarm
         self.num_envs = swarms * self._each
-        masks = self.right_of_way if self._mask == "observation" else None
-        self._observations = BatchObservations(
-            self.batch,
-            observation,
-            joint=self._joint,
-            top_cells=top_cells,
-            masks=masks,
-        )
+        self._observations = BatchObservations(self.batch, view)
         self._make_spaces(scenario.n_drones)
         self._reused = None if copies else self._observations.empty(swarms)
         # Once a large block has been freed, glibc keeps what steps free, instead of returning it

@@ -1,17 +1,27 @@
-"""Action masks, which keep drones on the grid and apart from each other."""
+"""Collision avoidance: actions that keep drones on the grid and out of each other's cells.
+
+Masks are for drones that choose independently, see `action_masks`. Drones that choose one after
+the other know where those before them will be, see `choose_in_turn`. Drones that have all chosen
+their next cells already give way to each other, see `resolve_conflicts`.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Flags, Ints
-from DroneSwarmSearch.core.grid import OFF_GRID, CellTable, Grid
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
+from DroneSwarmSearch.core.grid import MOVES, OFF_GRID, Cell, CellTable, Grid
 from DroneSwarmSearch.core.rules import Action
+
+ACTION_OF: dict[Cell, Action] = {(0, 0): Action.IDLE, **dict(zip(MOVES, Action, strict=False))}
+"""The action that moves a drone by (x, y)."""
+
+# Masks.
 
 
 def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -> Flags:
@@ -60,12 +70,6 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
     return masks.reshape(*checked.shape, len(Action))
 
 
-def mask_space(n_drones: int | None = None) -> spaces.Box:
-    """The space of masks in observations: int8, shape (6,), or (n_drones, 6) for a swarm."""
-    shape = (len(Action),) if n_drones is None else (n_drones, len(Action))
-    return spaces.Box(0, 1, shape, np.int8)
-
-
 def swarm_masks(
     cells: list[int], neighbours: CellTable[tuple[int, ...]], right_of_way: bool
 ) -> list[NDArray[np.int8]]:
@@ -88,6 +92,9 @@ def swarm_masks(
         if right_of_way:
             closed.update((left, right, up, down))
     return list(np.frombuffer(allowed, np.int8).reshape(len(cells), len(Action)))
+
+
+# Choices in turn.
 
 
 def choose_in_turn(
@@ -120,9 +127,86 @@ def choose_in_turn(
     return actions, masks
 
 
+def approach_in_turn(
+    cells: list[Cell], targets: Iterable[tuple[int, Cell]], probability: Floats
+) -> list[Action]:
+    """Let the drones of one swarm approach their targets in turn, so that none collide.
+
+    A drone on its target searches. Any other takes the move towards its target that leads
+    through the likelier cell, or idles if no such move is free.
+
+    Args:
+        cells: every drone's (x, y).
+        targets: drones by number, each with its target (x, y), in the order of their turns.
+        probability: of each cell, float64, shape (N, N), indexed [y, x].
+    """
+    closed = set(cells)
+    actions = [Action.IDLE] * len(cells)
+    for drone, target in targets:
+        x, y = cells[drone]
+        to_x = target[0] - x
+        to_y = target[1] - y
+        nearer = [
+            # In a tie the longer leg comes first, which keeps both directions open.
+            ((probability[y + dy, x + dx], abs(to_x * dx + to_y * dy)), action, (x + dx, y + dy))
+            for (dx, dy), action in ACTION_OF.items()
+            if to_x * dx + to_y * dy > 0 and (x + dx, y + dy) not in closed
+        ]
+        if cells[drone] == target:
+            actions[drone] = Action.SEARCH
+        elif nearer:
+            _, actions[drone], ahead = max(nearer, key=lambda option: option[0])
+            closed.add(ahead)
+    return actions
+
+
 def _closed(cells: NDArray[np.integer], grid_size: int) -> Flags:
     """The cells that no drone may enter, bool, (swarms, cells + 1); the last one is `OFF_GRID`."""
     closed = np.zeros((len(cells), grid_size**2 + 1), np.bool_)
     closed[:, OFF_GRID] = True
     closed[np.arange(len(cells))[:, None], cells] = True
     return closed
+
+
+# Conflicts.
+
+
+def resolve_conflicts(cells: Sequence[Cell], wanted: Sequence[Cell]) -> list[Cell]:
+    """Every drone's next cell, the wanted or the current one; all different, as the current are.
+
+    Drones that exchange cells or rotate in a ring always move; if one of them gave way, they would
+    block each other forever. Of other drones that want the same cell, the first moves. A drone
+    stays if another drone stays in the cell that it wants; drones may follow one another.
+    """
+    rings = _in_rings(cells, wanted)
+    order = [*rings, *(drone for drone in range(len(cells)) if drone not in rings)]
+    nexts = list(wanted)
+    changed = True
+    while changed:  # ends, since a drone that is stopped stays stopped
+        changed = False
+        taken = {cell: drone for drone, cell in enumerate(cells) if nexts[drone] == cell}
+        for drone in order:
+            if taken.setdefault(nexts[drone], drone) != drone:
+                nexts[drone] = cells[drone]
+                changed = True
+    return nexts
+
+
+def _in_rings(cells: Sequence[Cell], wanted: Sequence[Cell]) -> set[int]:
+    """The drones in rings, in which each drone wants the cell of the next."""
+    occupant = {cell: drone for drone, cell in enumerate(cells)}
+    follows = {
+        drone: occupant[cell]
+        for drone, cell in enumerate(wanted)
+        if cell in occupant and cell != cells[drone]
+    }
+    rings: set[int] = set()
+    for drone in follows:
+        trail = [drone]
+        here = follows.get(drone)
+        while here is not None and here not in trail:
+            trail.append(here)
+            here = follows.get(here)
+        if here == drone:
+            rings.update(trail)
+    return rings

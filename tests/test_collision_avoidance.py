@@ -5,8 +5,7 @@ import itertools
 import hypothesis.strategies as st
 from hypothesis import given, settings
 
-from DroneSwarmSearch.core import Cell
-from DroneSwarmSearch.policies.conflicts import resolve_conflicts
+from DroneSwarmSearch.core import Cell, resolve_conflicts
 
 LINE = [(x, 0) for x in range(4)]
 
