@@ -34,6 +34,8 @@ ROOMS = [
     "commands",
 ]
 
+ROOMS_AND_PARTS = [*ROOMS[:-1], "incident/files", ROOMS[-1]]
+
 IN_BETWEEN = "env", "wrappers", "single_drone_env"
 """Modules of the root that combine rooms from `core` to `vector`."""
 
@@ -47,7 +49,7 @@ def table() -> str:
     """A line for each room and module: its name, and what it is."""
     package = ROOT / "DroneSwarmSearch"
     lines = []
-    for room in ["", *ROOMS]:
+    for room in ["", *ROOMS_AND_PARTS]:
         modules = sorted((package / room).glob("*.py"))
         about = first_line(package / room / "__init__.py")
         lines.append(f"{f'DroneSwarmSearch/{room}' if room else 'DroneSwarmSearch'}/  {about}")

@@ -177,8 +177,8 @@ def seeds(name: str, value: object) -> list[int | None]:
     """A list of seeds from any sequence or array, in which None stays None."""
     given = items(name, value, "a list or an array of integers of at least 0")
     return [
-        None if seed is None else integer(f"{name}[{place}]", seed, 0)
-        for place, seed in enumerate(given)
+        None if seed is None else integer(f"{name}[{index}]", seed, 0)
+        for index, seed in enumerate(given)
     ]
 
 

@@ -63,7 +63,7 @@ def uniforms(keys: Words, indices: Words) -> Floats:
 
 
 def uniforms_of(counters: Words) -> Floats:
-    """The uniforms of counters: an episode's key plus `GOLDEN` times the place, from 1."""
+    """The uniforms of counters: an episode's key plus `GOLDEN` times the index, from 1."""
     words = mixed(counters)
     words >>= _LOWEST_BITS
     return np.multiply(words.view(np.int64), _UNIT)
@@ -91,10 +91,10 @@ class EpisodeStream:
         self._heads: tuple[int, Words, list[list[float]]] = 0, self._key[:0], []
         self._episode = -1
         self._known: list[float] = []
-        self._known_first = 0  # the place of the first of them
+        self._known_first = 0  # the index of the first of them
 
     def between(self, episode: int, begin: int, end: int) -> list[float]:
-        """The uniforms of an episode from one place to another; `begin` never decreases in it."""
+        """The uniforms of an episode from one index to another; `begin` never decreases in it."""
         if episode != self._episode:
             self._begin(episode)
         if end > self._known_first + len(self._known):

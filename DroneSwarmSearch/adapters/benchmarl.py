@@ -83,7 +83,7 @@ class SearchClass(TaskClass):
     @staticmethod
     def log_info(batch: TensorDictBase) -> dict[str, float]:
         keys = {"success_rate": SUCCESS}
-        if PROBABILITY in batch["next"].keys(True):
+        if PROBABILITY in batch["next"].keys(include_nested=True):
             keys["probability_of_success"] = PROBABILITY
         metrics = {name: episode_metrics(batch, success=key) for name, key in keys.items()}
         return {f"collection/{name}": metric["found"] for name, metric in metrics.items() if metric}

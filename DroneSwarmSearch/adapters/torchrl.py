@@ -299,7 +299,7 @@ def logits(
         batch = TensorDict({GROUP: drones}, batch_size=count // n_drones)
         with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
             written = policy(batch)
-        values = written[LOGITS if LOGITS in written.keys(True) else ACTION_VALUE]
+        values = written[LOGITS if LOGITS in written.keys(include_nested=True) else ACTION_VALUE]
         masked = values.masked_fill(~drones["action_mask"], LEAST_LOGIT)
         by_drone: NDArray[Any] = masked.flatten(0, 1).numpy()
         return by_drone

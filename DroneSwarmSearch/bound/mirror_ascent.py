@@ -87,8 +87,8 @@ class _Ascent:
     """The current mixture, and the mean of all tangents so far.
 
     Attributes:
-        value: of the mean mixture, at the last check.
-        upper_bound: on any mixture, at the last check.
+        value: the objective of the mean mixture, at the last check.
+        upper_bound: the most that the objective of any mixture can be, at the last check.
     """
 
     def __init__(

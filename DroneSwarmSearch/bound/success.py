@@ -139,6 +139,7 @@ def success_bound(
     checks.real("gap", gap, 0)
     if memory is not None:
         checks.integer("memory", memory, 0, MOST_MEMORY)
+
     ends = _ends(limit, min(horizons, limit))
     persons = scenario.persons_to_find
     models = dict(zip(persons, scenario.forecasts(), strict=True))  # equal persons share a bound
@@ -159,23 +160,26 @@ def success_bound(
         curve, solution = relaxation.curve(ends, memory)
         curves.append(curve)
         solutions.append(solution)
-    confidence = CONFIDENCE if sampled else 1.0
-    counts = np.array([persons.count(person) for person in models])
 
-    def combined(by_person: Sequence[Any]) -> Any:
-        """The mean over all persons in a coverage mission, else the product."""
-        if scenario.mission == "coverage":
-            return np.average(by_person, axis=0, weights=counts)
-        return np.prod(np.array(by_person).T ** counts, axis=-1)
-
-    value = combined([solution.value for solution in solutions])
-    upper = combined([solution.upper_bound for solution in solutions])
+    counts = [persons.count(person) for person in models]
+    value = _of_all([solution.value for solution in solutions], counts, scenario.mission)
+    upper = _of_all([solution.upper_bound for solution in solutions], counts, scenario.mission)
     return SuccessBound(
-        by_time=combined(curves),
+        by_time=_of_all(curves, counts, scenario.mission),
         relaxed=float(value),
         gap=float(upper - value),
-        confidence=confidence,
+        confidence=CONFIDENCE if sampled else 1.0,
     )
+
+
+def _of_all(by_person: Sequence[Any], counts: Sequence[int], mission: str) -> Any:
+    """The bound for all persons, given that for each different one, and how often each occurs.
+
+    It is the mean in a coverage mission, otherwise the product.
+    """
+    if mission == "coverage":
+        return np.average(by_person, axis=0, weights=counts)
+    return np.prod(np.array(by_person).T ** np.array(counts), axis=-1)
 
 
 def _ends(limit: int, horizons: int) -> list[int]:

@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "           --object CLASS --wind DEGREES SPEED --out DIR [options]"
     )
     words: Any = {"nargs": "+", "action": _Words}
-    place: Any = {"metavar": ("LAT", "LON"), **words}
+    position: Any = {"metavar": ("LAT", "LON"), **words}
     flow: Any = {"metavar": ("DIRECTION", "SPEED"), "nargs": "+", "action": "append"}
 
     def add(name: str, about: str, value: str | None = None, **options: object) -> None:
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         group.add_argument(name, help=about, **kinds)  # type: ignore[arg-type]
 
     group = parser.add_argument_group("the incident")
-    add("--position", "last known: 54.18 7.85, or 54-10.8N 007-51.0E", **place)
+    add("--position", "last known: 54.18 7.85, or 54-10.8N 007-51.0E", **position)
     add("--error", "its standard deviation along each axis (926m)", "position_sd", **words)
     add("--time", "when they were there: 2026-03-01T05:30Z")
     add("--object", "a key of leeway.CLASSES, such as PIW-1", "object_class", metavar="CLASS")
@@ -72,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--detection", about, "probability_of_detection", type=float, metavar="P")
     add("--endurance", "from take-off to landing (45min)", **words)
     add("--reserve", "what must be left of the endurance (none)", **words)
-    add("--base", "where they take off and land (the last known position)", **place)
+    add("--base", "where they take off and land (the last known position)", **position)
     add("--altitude", "of the first one; the others fly 20 m above each other (100m)", **words)
     group = parser.add_argument_group("the plan")
     add("--out", "the folder to write", metavar="DIR", type=Path, required=True)

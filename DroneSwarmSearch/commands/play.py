@@ -208,13 +208,13 @@ def _play_in_window(options: argparse.Namespace, search: NamedSearch) -> bool:
         return False
     played: list[tuple[int, Recording]] = []
 
-    def report(stopped: str = "") -> None:
+    def show_result(stopped: str = "") -> None:
         seed, recording = played[-1]
         _print_summary(search, options, seed, recording.frames[recording.seen], stopped)
 
     def begin(seed: int) -> Recording:
         if played and played[-1][1].end_was_seen:
-            report()
+            show_result()
             print()
         episode = _Episode(search, options, seed)
         title = f"{search.name}, {episode.frame.policy}, "
@@ -229,7 +229,7 @@ def _play_in_window(options: argparse.Namespace, search: NamedSearch) -> bool:
         return recording
 
     try:
-        report(window.play(Player(begin, seed=options.seed, fps=options.fps)))
+        show_result(window.play(Player(begin, seed=options.seed, fps=options.fps)))
     finally:
         window.close()
     return True

@@ -155,7 +155,7 @@ class Scenario:
         persons = data.get("persons")
         if persons is not None and not isinstance(persons, Person):
             given = checks.items("persons", persons, "a list of persons")
-            persons = [_person_from_dict(place, person) for place, person in enumerate(given)]
+            persons = [_person_from_dict(index, person) for index, person in enumerate(given)]
         return cls(**{**data, "reward_scheme": scheme, "persons": persons})
 
     @cached_property
@@ -296,14 +296,14 @@ def _persons(value: object, grid_size: int, timestep_limit: int) -> tuple[Person
     return tuple(checked)
 
 
-def _person_from_dict(place: int, data: object) -> object:
+def _person_from_dict(index: int, data: object) -> object:
     """A person from plain data; anything else is left to the constructor's checks."""
     if not isinstance(data, Mapping):
         return data
     try:
         return Person.from_dict(data)
     except (TypeError, ValueError) as error:
-        raise type(error)(f"persons[{place}]: {error}") from None
+        raise type(error)(f"persons[{index}]: {error}") from None
 
 
 def _cells(value: object, grid_size: int) -> tuple[Cell, ...]:

@@ -136,8 +136,8 @@ class WorldState:
         detection = self._detections[person]
         if detection in (0.0, 1.0):
             return detection == 1.0
-        place = self.step * len(self.persons) + person
-        [draw] = self._streams.detection.between(self._episode, place, place + 1)
+        index = self.step * len(self.persons) + person
+        [draw] = self._streams.detection.between(self._episode, index, index + 1)
         return draw < detection
 
     def observed(self, searches: Mapping[int, int]) -> dict[int, float]:
@@ -161,7 +161,7 @@ class WorldState:
         return mean_forecast(self._models, self.missing, self.step) if shows else None
 
     def hypotheses(self) -> tuple[tuple[float, ...], ...]:
-        """The probability of each hypothesis about each person, as far as the matrix shows it."""
+        """The probability of each hypothesis about each person, as the matrix shows it."""
         if self._beliefs is not None and self._shows_beliefs:
             return tuple(belief.model.hypotheses(belief.mass) for belief in self._beliefs)
         return tuple(tuple(model.weights.tolist()) for model in self._models)

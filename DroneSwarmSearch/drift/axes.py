@@ -100,8 +100,8 @@ def _rates(values: Sequence[Any]) -> Floats:
     """Rates along x and y of some hypotheses: (A,), or (T, A) with NaN after the last of each."""
     series = [np.reshape(value, (-1, 2)) for value in values]
     table = np.full((max(map(len, series)), 2 * len(series)), np.nan)
-    for place, rates in enumerate(series):
-        table[: len(rates), 2 * place : 2 * place + 2] = rates
+    for axis, rates in enumerate(series):
+        table[: len(rates), 2 * axis : 2 * axis + 2] = rates
     return table[0] if len(table) == 1 else table
 
 

@@ -199,8 +199,8 @@ class ProbabilityMatrix(DriftModel):
         along_x = falls_stays_rises[:, hypotheses, 0, x]
         along_y = falls_stays_rises[:, hypotheses, 1, y]
         onward = probabilities * along_y[:, None] * along_x  # [dy + 1, dx + 1, person]
-        dy, dx, place = onward.nonzero()
-        return place, states[place] + (dy - 1) * self.grid_size + dx - 1, onward[dy, dx, place]
+        dy, dx, index = onward.nonzero()
+        return index, states[index] + (dy - 1) * self.grid_size + dx - 1, onward[dy, dx, index]
 
     @classmethod
     def batched(cls, models: Sequence[Any], **options: Any) -> ForecastTables:

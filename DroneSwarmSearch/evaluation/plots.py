@@ -120,8 +120,8 @@ def success_by_search(evaluations: Sequence[Evaluation]) -> Figure:
         colour, marker = looks[result.policy]
         value, low, high = result.success
         error = [[value - low], [high - value]]
-        place = row + offset[result.policy]
-        axes.errorbar(value, place, xerr=error, fmt=marker, color=colour, elinewidth=0.9)
+        height = row + offset[result.policy]
+        axes.errorbar(value, height, xerr=error, fmt=marker, color=colour, elinewidth=0.9)
     ink = rcParams["text.color"]
     bounds = known_bounds(evaluations)
     for search, bound in bounds.items():
@@ -157,8 +157,8 @@ def _looks(evaluations: Iterable[Evaluation]) -> dict[str, tuple[str, str]]:
     others = itertools.cycle(range(len(POLICIES), len(MARKERS)))
     looks = {}
     for name in dict.fromkeys(result.policy for result in evaluations):
-        place = POLICIES.index(name) if name in POLICIES else next(others)
-        looks[name] = f"C{place}", MARKERS[place]
+        number = POLICIES.index(name) if name in POLICIES else next(others)
+        looks[name] = f"C{number}", MARKERS[number]
     return looks
 
 

@@ -209,7 +209,7 @@ def evaluate_cases(
 def bounds_of(
     searches: Sequence[NamedSearch], folder: RunFolder, workers: Workers
 ) -> dict[str, SuccessBound]:
-    """The bounds of searches by name, see `evaluate_cases`; they ignore `bayesian_update`."""
+    """The bounds of searches, by name; `bayesian_update` makes no difference to them."""
     bounds: dict[str, SuccessBound] = {}
     for search in searches:
         limit = search.scenario.timestep_limit

@@ -55,8 +55,8 @@ def print_table(headers: Sequence[str], rows: Sequence[Sequence[str]], words: in
     heads = zip_longest(*map(textwrap.wrap, headers, widths), fillvalue="")
     for line in (*heads, ["-" * width for width in widths], *rows):
         cells = [
-            cell.ljust(width) if place < words else cell.rjust(width)
-            for place, (cell, width) in enumerate(zip(line, widths, strict=True))
+            cell.ljust(width) if index < words else cell.rjust(width)
+            for index, (cell, width) in enumerate(zip(line, widths, strict=True))
         ]
         print("  ".join(cells[:fitting]).rstrip())
     if fitting < len(widths):

@@ -1,4 +1,4 @@
-"""Places, units, times and flows on the earth."""
+"""Positions, units, times and flows on the earth."""
 
 from DroneSwarmSearch.geo.fields import Field
 from DroneSwarmSearch.geo.flows import Constant, Flow, Origin, Series

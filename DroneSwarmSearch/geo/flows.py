@@ -71,7 +71,7 @@ class Flow(ABC):
 
     @property
     def varies(self) -> bool:
-        """Whether it differs between places."""
+        """Whether it differs between positions."""
         return False
 
     def velocity(self, times: float | Floats, points: Floats) -> Floats:
@@ -125,7 +125,7 @@ class Flow(ABC):
         """The same flow, whose metres and seconds count from another origin."""
 
     def stronger(self, by: float) -> Flow | None:
-        """The flow if it is so many m/s faster; None for a field."""
+        """The flow with its speed increased by some m/s; None for a field."""
         return None
 
     def vectors_from(self, seconds: float) -> dict[float, Pair]:

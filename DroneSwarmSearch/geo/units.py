@@ -152,9 +152,9 @@ def _is_position(letter: str, digits: list[str], letters: str) -> bool:
     return is_whole and all(float(number) < 60 for number in digits[1:])
 
 
-def radioed(place: Pair) -> str:
+def radioed(position: Pair) -> str:
     """A (latitude, longitude) in degrees and decimal minutes."""
-    return f"{minutes(60 * place[0], 'NS')} {minutes(60 * place[1], 'EW')}"
+    return f"{minutes(60 * position[0], 'NS')} {minutes(60 * position[1], 'EW')}"
 
 
 def minutes(value: float, letters: str) -> str:

@@ -221,7 +221,7 @@ def _checked(given: dict[str, Any]) -> dict[str, Any]:
             f"reserve must be less than the endurance, {values['endurance'] / 60:g} min, got "
             f"{given['reserve']!r}"
         )
-    values |= _places_and_times(values)
+    values |= _positions_and_times(values)
     origin = Origin(values["position"], values["time"])
     landed = values["start"] + timedelta(seconds=values["endurance"])
     for name in FLOWS:
@@ -273,7 +273,7 @@ def _check_tracks_alone(values: dict[str, Any], given: dict[str, Any]) -> None:
             )
 
 
-def _places_and_times(values: dict[str, Any]) -> dict[str, Any]:
+def _positions_and_times(values: dict[str, Any]) -> dict[str, Any]:
     position = _position("position", values["position"])
     time = in_utc("time", values["time"])
     base = position

@@ -78,14 +78,14 @@ class Particles:
     # Flights.
 
     def sweeps(self, legs: Floats, swath: float) -> tuple[Ints, Floats]:
-        """The particles that drones sweep over: the leg comes abeam of them, within the strip.
+        """The particles that drones sweep: they come abeam of a leg, within half the swath.
 
         Args:
             legs: time, east and north of the beginnings and of the ends: float64, (n, 2, 3).
             swath: the width of the strip.
 
         Returns:
-            Indices of particles, one for each time that a drone sweeps over one; and the times.
+            The index of a particle and the time in seconds, for each sweep: (m,) each.
         """
         moving = np.any(legs[:, 0, 1:] != legs[:, 1, 1:], axis=1)
         lines = _Legs.of(legs[moving])
@@ -233,7 +233,7 @@ class _Drifting:
         self._current: Flow = incident.current
         self._rng = np.random.default_rng(seed)
         self._n = n
-        self._place = self._rng.normal(0.0, incident.position_sd, (2, n))
+        self._position = self._rng.normal(0.0, incident.position_sd, (2, n))
         self._wind_off = self._rng.normal(0.0, incident.wind_error, (2, n))
         self._current_off = self._rng.normal(0.0, incident.current_error, (2, n))
         self._along = self._downwind_errors()
@@ -250,11 +250,11 @@ class _Drifting:
             wrong = slope + along / 20 < 0
         return along
 
-    def _velocity(self, time: float, place: Floats) -> Floats:
+    def _velocity(self, time: float, position: Floats) -> Floats:
         """(east, north) in m/s, (2, n); NaN on land."""
-        self._wind.check_within(time, place)
-        self._current.check_within(time, place)
-        blown = self._wind.velocity(time, place) + self._wind_off
+        self._wind.check_within(time, position)
+        self._current.check_within(time, position)
+        blown = self._wind.velocity(time, position) + self._wind_off
         speed = np.hypot(*blown)
         downwind = blown / np.maximum(speed, 1e-9)
         slope, offset, _ = self._kind.downwind
@@ -264,7 +264,7 @@ class _Drifting:
         right = (a + s * self._across / 20) * speed + b + s * self._across / 2
         to_the_right = downwind[::-1] * [[1], [-1]]
         leeway_velocity: Floats = (down * downwind + right * to_the_right) / 100
-        return leeway_velocity + self._current.velocity(time, place) + self._current_off
+        return leeway_velocity + self._current.velocity(time, position) + self._current_off
 
     def at_times(self, times: Floats, step: float) -> Particles:
         """The persons at regular times, in seconds, the first at least 0."""
@@ -273,19 +273,19 @@ class _Drifting:
         longest = max(LONGEST_STEP, times[0] / MOST_STEPS_ADRIFT)
         now = 0.0
         ashore: Flags = np.zeros(n, np.bool_)
-        velocity = self._velocity(0.0, self._place)
+        velocity = self._velocity(0.0, self._position)
         for row, time in enumerate(times.tolist()):
             for parts in range(math.ceil((time - now) / longest), 0, -1):
                 h = (time - now) / parts
                 jibes = 1.0 - (1.0 - JIBING) ** (h / 3600)
                 self._side ^= self._rng.random(n) < jibes
-                half_way = self._place + h / 2 * np.nan_to_num(velocity)
+                half_way = self._position + h / 2 * np.nan_to_num(velocity)
                 velocity = self._velocity(now + h / 2, half_way)
                 walk = self._rng.normal(0.0, np.sqrt(2 * DIFFUSIVITY * h), (2, n))
                 move = h * velocity + walk
                 ashore |= np.isnan(move[0])
-                self._place += np.where(ashore, 0.0, move)
+                self._position += np.where(ashore, 0.0, move)
                 now += h
-            kept[:, row] = self._place
+            kept[:, row] = self._position
         weights = np.full(n, 1.0 / n)
         return Particles(float(times[0]), step, kept, weights, ashore=float(ashore.mean()))

@@ -130,8 +130,8 @@ class CropsLayout(Layout):
         if self._reach < self.grid_size - 1:
             np.clip(offsets, -self._reach, self._reach, out=offsets)
         side = 2 * self._reach + 1
-        places = offsets[..., 1] * side + offsets[..., 0] + (self._reach * (side + 1))
-        boxes = self._boxes.take(places, axis=0, mode="clip")  # (searches, drones, others, scales)
+        indices = offsets[..., 1] * side + offsets[..., 0] + (self._reach * (side + 1))
+        boxes = self._boxes.take(indices, axis=0, mode="clip")  # (searches, drones, others, scales)
         # The boxes of every drone in a row of their own, with a last one for those not seen.
         width = _NO_BOX + 1
         boxes += np.arange(0, searches * drones * width, width).reshape(searches, drones, 1, 1)

@@ -59,7 +59,7 @@ VALUES = 20000  # masses of all candidates of a trial together
 FEWEST = 8
 MOST = 32
 
-NOISE = 2**18  # random factors that are drawn once, and used from a random place on in every trial
+NOISE = 2**18  # random factors that are drawn once, and used from a random index on in every trial
 
 ENOUGH = 200
 """The most trials for each step of a drone, times the fraction in `TRIES`; more improve small

@@ -34,8 +34,10 @@ class Passes:
 
     Attributes:
         missed: the probability that each step's searches miss the person in a cell: (n, N, N).
-        masses: that the person is in a state, and unfound, before each step: (n, M, R, N).
-        rests: what the plan will gain from a state after each step's searches: (n, M, R, N).
+        masses: the probability that the person is unfound and in a state, before each step:
+            (n, M, R, N).
+        rests: what the plan will gain after each step's searches, given the person's state:
+            (n, M, R, N).
     """
 
     def __init__(self, target: Target, first: int, paths: Sequence[DronePath]) -> None:

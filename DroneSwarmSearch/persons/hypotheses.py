@@ -201,10 +201,10 @@ class Drift:
                 )
             return
         deviations: Any = self.start_sd
-        for place, deviation in enumerate(deviations):
-            if _known(deviation, self.adrift) and not self.start[place] <= grid_size - 1:
+        for index, deviation in enumerate(deviations):
+            if _known(deviation, self.adrift) and not self.start[index] <= grid_size - 1:
                 raise ValueError(
-                    f"{name}[{place}] must be a whole number from 0 to {grid_size - 1} "
+                    f"{name}[{index}] must be a whole number from 0 to {grid_size - 1} "
                     f"unless start_sd or adrift is positive, got start={self.start}"
                 )
 
@@ -244,9 +244,9 @@ class Hypotheses(KnownDrift):
         given: Any = [drifts] if isinstance(drifts, Drift) else checks.items("drifts", drifts, what)
         if not given:
             raise ValueError(f"drifts must hold at least one Drift, got {drifts!r}")
-        for place, drift in enumerate(given):
+        for index, drift in enumerate(given):
             if not isinstance(drift, Drift):
-                raise TypeError(f"drifts[{place}] must be a Drift, got {drift!r}")
+                raise TypeError(f"drifts[{index}] must be a Drift, got {drift!r}")
         self.drifts: tuple[Drift, ...] = tuple(given)
         largest = max(drift.weight for drift in self.drifts)
         relative = [drift.weight / largest for drift in self.drifts]
@@ -282,8 +282,8 @@ class Hypotheses(KnownDrift):
         return f" with up to {len(self.drifts)} hypotheses"
 
     def check(self, grid_size: int, timestep_limit: int, name: str) -> None:
-        for place, drift in enumerate(self.drifts):
-            drift.check_grid(grid_size, f"{name}.drifts[{place}]")
+        for index, drift in enumerate(self.drifts):
+            drift.check_grid(grid_size, f"{name}.drifts[{index}]")
 
     def mass_beyond(self, grid_size: int, step: int) -> float:
         """The mean of `Drift.mass_beyond` over the drifts, by weight."""
@@ -298,11 +298,11 @@ class Hypotheses(KnownDrift):
         """Make hypotheses from a list of the outputs of `Drift.to_dict`."""
         drifts: list[Drift] = []
         given: list[Any] = checks.items("drifts", data, "a list of drifts")
-        for place, values in enumerate(given):
+        for index, values in enumerate(given):
             try:
                 drifts.append(Drift.from_dict(values))
             except (TypeError, ValueError) as error:
-                raise type(error)(f"drifts[{place}]: {error}") from None
+                raise type(error)(f"drifts[{index}]: {error}") from None
         return cls(drifts)
 
 
@@ -315,14 +315,14 @@ def displaced(rates: Floats, tau: Any) -> Floats:
     if rates.ndim == 1:
         displacement = rates * tau
     else:
-        known, place = rate_at(rates, tau)
+        known, index = rate_at(rates, tau)
         sums = np.insert(np.cumsum(rates[:-1], axis=0), 0, 0.0, axis=0)
-        displacement = sums[place] + rates[place] * (tau - known)
+        displacement = sums[index] + rates[index] * (tau - known)
     return displacement
 
 
 def rate_at(rates: Floats, tau: Any) -> tuple[Floats, tuple[Ints, Ints]]:
-    """The steps before tau with rates of their own, all but the last; and the next rate's index."""
+    """The steps before tau with rates of their own, all but the last; and the index of the next."""
     known = np.minimum(np.floor(tau), np.isfinite(rates).sum(axis=0) - 1)
     return known, (known.astype(np.int64), np.arange(rates.shape[1]))
 
@@ -339,10 +339,10 @@ def _start(
         raise error(f"start must be {what}, got {value!r}")
     cell = checks.pair("start", given.tolist())
     known = [_known(deviation, adrift) for deviation in start_sd]
-    for place, coordinate in enumerate(cell):
-        if known[place] and not (coordinate >= 0 and coordinate.is_integer()):
+    for index, coordinate in enumerate(cell):
+        if known[index] and not (coordinate >= 0 and coordinate.is_integer()):
             raise ValueError(
-                f"start[{place}] must be a whole number of at least 0 unless start_sd or adrift "
+                f"start[{index}] must be a whole number of at least 0 unless start_sd or adrift "
                 f"is positive, got start={value!r}"
             )
     return (int(cell[0]), int(cell[1])) if all(known) else cell

@@ -309,9 +309,9 @@ def _jibed(sides: list[Drift], known: Drift, jibes: float) -> list[Drift]:
     drifts = []
     for side, path, other in zip(sides, paths, paths[::-1], strict=True):
         shift, shift_sd = _after_jibes(other - path, jibes)
-        place = np.add(known.start, shift)
+        start = np.add(known.start, shift)
         start_sd = np.hypot(known.start_sd, shift_sd)
-        drifts.append(replace(side, start=tuple(place), start_sd=tuple(start_sd)))
+        drifts.append(replace(side, start=tuple(start), start_sd=tuple(start_sd)))
     return drifts
 
 

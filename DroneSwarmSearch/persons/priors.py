@@ -236,13 +236,13 @@ def _before(edges: Floats, start: list[float], end: list[float]) -> Floats:
 def _check_simple(corners: Floats) -> None:
     """Raise a ValueError if two edges of a polygon cross."""
     after = np.roll(corners, -1, axis=0)
-    for place, (start, end) in enumerate(zip(corners, after, strict=True)):
+    for index, (start, end) in enumerate(zip(corners, after, strict=True)):
         apart = _side(start, end, corners) * _side(start, end, after) < 0
         crossing = apart & (_side(corners, after, start) * _side(corners, after, end) < 0)
         if crossing.any():
             raise ValueError(
                 f"vertices must form a polygon whose edges do not cross, but the edges from "
-                f"vertices[{place}] and vertices[{crossing.argmax()}] do"
+                f"vertices[{index}] and vertices[{crossing.argmax()}] do"
             )
 
 

@@ -63,7 +63,9 @@ class Painter:
         """Place maps with their coordinates from left to right, and the panel right of them."""
         width, height = self._map.size
         self._shown = pygame.Rect(0, 0, width, height)  # the part of each map's surface
-        self._map_areas = [pygame.Rect(width * place, HEAD, width, height) for place in range(maps)]
+        self._map_areas = [
+            pygame.Rect(width * number, HEAD, width, height) for number in range(maps)
+        ]
         beside = self._map_areas[-1].right + GAP
         self._panel_area = pygame.Rect(beside, HEAD + TOP, panel.WIDTH, panel.HEIGHT)
         self._left = LEFT

@@ -141,12 +141,12 @@ def _draw_scale(canvas: pygame.Surface, look: Look, maximum: float, top: int) ->
     _heading(canvas, "PROBABILITY OF A CELL", top)
     colours = look.colours(np.linspace(0.0, 1.0, N_SHADES, dtype=np.float32))
     bar = pygame.image.frombuffer(colours.tobytes(), (N_SHADES, 1), "RGB")
-    place = pygame.Rect(0, top + 22, WIDTH, 16)
-    canvas.blit(pygame.transform.scale(bar, place.size), place)
-    pygame.draw.rect(canvas, INK, place, width=1)
+    area = pygame.Rect(0, top + 22, WIDTH, 16)
+    canvas.blit(pygame.transform.scale(bar, area.size), area)
+    pygame.draw.rect(canvas, INK, area, width=1)
     for share in (0.0, 0.5, 1.0) if look.gradient else (0.0, MIDDLE_FROM, HIGH_FROM, 1.0):
         label = text_line(percent(share * maximum), SMALL, INK)
-        at = label.get_rect(midtop=(round(share * WIDTH), place.bottom + 7))
+        at = label.get_rect(midtop=(round(share * WIDTH), area.bottom + 7))
         canvas.blit(label, at.clamp(canvas.get_rect()))
 
 

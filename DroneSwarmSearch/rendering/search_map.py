@@ -64,8 +64,8 @@ TRAIL_OPACITY = 230
 SEARCHED_SHARE = 0.25
 SEARCHED_LEAST = 6
 FADES = 6  # the opacities of marks that fade
-Places = Sequence[Sequence[float]]
-Sprite = tuple[pygame.Surface, Pair]  # an image and the place of its middle
+Positions = Sequence[Sequence[float]]
+Sprite = tuple[pygame.Surface, Pair]  # an image and its middle
 
 
 class SearchMap:
@@ -105,8 +105,8 @@ class SearchMap:
 
     def _draw_border(self, canvas: pygame.Surface, colour: Colour, width: int) -> None:
         outer = self.side + 2 * width
-        place = (LEFT - width, TOP - width, outer, outer)
-        pygame.draw.rect(canvas, colour, place, width=width)
+        area = (LEFT - width, TOP - width, outer, outer)
+        pygame.draw.rect(canvas, colour, area, width=width)
 
     def _draw_coordinates(self, canvas: pygame.Surface, scale: Scale | None) -> None:
         """The numbers of cells; with a scale, kilometres from the grid's corner, and north."""
@@ -159,7 +159,7 @@ class SearchMap:
         ]
         _blit_all(canvas, marks)
 
-    def _draw_trails(self, canvas: pygame.Surface, frame: Frame, drones: Places) -> None:
+    def _draw_trails(self, canvas: pygame.Surface, frame: Frame, drones: Positions) -> None:
         """The drones' last moves, fading and with a rim, up to where the drones are."""
         width = max(TRAIL_LEAST, round(TRAIL_SHARE * self._pitch))
         overlay = pygame.Surface((self.side, self.side), pygame.SRCALPHA, 32)
@@ -186,10 +186,10 @@ class SearchMap:
         canvas: pygame.Surface,
         frame: Frame,
         end: Frame,
-        drones_at: Places,
-        persons_at: Places,
+        drones_at: Positions,
+        persons_at: Positions,
     ) -> None:
-        """Drones and persons; those at one place share its room, unless they only pass there."""
+        """Drones and persons; those in one cell share its room, unless they only fly over it."""
         cells: dict[tuple[Sequence[float], Pair], tuple[list[int], list[int]]] = {}
         for number, way in enumerate(zip(drones_at, end.drones, strict=True)):
             cells.setdefault(way, ([], []))[0].append(number)
@@ -201,34 +201,34 @@ class SearchMap:
         symbols: list[Sprite] = []
         for (cell, _), (drones, persons) in cells.items():
             middle = self._centre(*cell)
-            places, size = self._places(middle, len(drones) + len(persons))
+            middles, size = self._middles(middle, len(drones) + len(persons))
             if len(drones) > 1:
                 marks.append((sprites.collision(round(COLLISION_SIZE * size)), middle))
-            for drone, place in zip(drones, places, strict=False):
+            for drone, own_middle in zip(drones, middles, strict=False):
                 if drone == frame.flown:
-                    marks.append((sprites.halo(round(HALO_SIZE * size)), place))
+                    marks.append((sprites.halo(round(HALO_SIZE * size)), own_middle))
                 if end.searching[drone]:
                     ring = max(round(RING_SIZE * size), size + RING_MARGIN)
-                    marks.append((sprites.search_ring(ring), place))
-                symbols.append((sprites.drone(size, drone), place))
-            for person, place in zip(persons, places[len(drones) :], strict=True):
+                    marks.append((sprites.search_ring(ring), own_middle))
+                symbols.append((sprites.drone(size, drone), own_middle))
+            for person, own_middle in zip(persons, middles[len(drones) :], strict=True):
                 finder = frame.found_by[person]
                 image = sprites.person(size)
                 if finder is not None:
                     image = sprites.found(size, finder)
-                symbols.append((image, place))
+                symbols.append((image, own_middle))
         # Marks lie below all symbols: in small cells they reach into the neighbours.
         _blit_all(canvas, marks + symbols)
 
-    def _places(self, middle: Pair, count: int) -> tuple[list[Pair], int]:
+    def _middles(self, middle: Pair, count: int) -> tuple[list[Pair], int]:
         """The middles of symbols in one cell, on a circle if there are several; and their side."""
         if count == 1:
             return [middle], self._symbol
         x, y = middle
         apart = max(APART_SHARE * self._pitch, APART_LEAST)
         angles = [math.tau * (number / count + 5 / 8) for number in range(count)]
-        places = [(x + apart * math.cos(at), y + apart * math.sin(at)) for at in angles]
-        return places, max(round(SHARED_SIZE * self._symbol), SHARED_LEAST)
+        middles = [(x + apart * math.cos(at), y + apart * math.sin(at)) for at in angles]
+        return middles, max(round(SHARED_SIZE * self._symbol), SHARED_LEAST)
 
 
 def outcome_colour(frame: Frame) -> Colour:
@@ -245,7 +245,7 @@ def _blit_all(canvas: pygame.Surface, drawn: Iterable[Sprite]) -> None:
         canvas.blit(image, (round(x - width / 2), round(y - height / 2)))
 
 
-def _on_the_way(starts: Places, ends: Places, progress: float) -> list[tuple[float, ...]]:
+def _on_the_way(starts: Positions, ends: Positions, progress: float) -> list[tuple[float, ...]]:
     return [
         tuple(a + (b - a) * progress for a, b in zip(start, end, strict=True))
         for start, end in zip(starts, ends, strict=True)

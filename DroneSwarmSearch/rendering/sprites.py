@@ -45,18 +45,18 @@ class _Pen:
         self._surface.fill((*edge, 0))
 
     def disc(self, centre: Pair, radius: float, colour: Colour, alpha: int = 255) -> None:
-        place = self._place(centre)
-        pygame.draw.circle(self._surface, (*colour, alpha), place, radius * self._half)
+        pixel = self._pixel(centre)
+        pygame.draw.circle(self._surface, (*colour, alpha), pixel, radius * self._half)
 
     def discs(self, *radii: tuple[float, Colour]) -> None:
         for radius, colour in radii:
             self.disc((0, 0), radius, colour)
 
     def polygon(self, points: Sequence[Pair], colour: Colour) -> None:
-        pygame.draw.polygon(self._surface, colour, [self._place(point) for point in points])
+        pygame.draw.polygon(self._surface, colour, [self._pixel(point) for point in points])
 
     def stroke(self, points: Sequence[Pair], width: float, colour: Colour) -> None:
-        pixels = [self._place(point) for point in points]
+        pixels = [self._pixel(point) for point in points]
         thickness = round(width * self._half)
         pygame.draw.lines(self._surface, colour, False, pixels, thickness)
         for point in points:
@@ -65,7 +65,7 @@ class _Pen:
     def finish(self) -> pygame.Surface:
         return pygame.transform.smoothscale(self._surface, (self._size, self._size))
 
-    def _place(self, point: Pair) -> Pair:
+    def _pixel(self, point: Pair) -> Pair:
         return (1 + point[0]) * self._half, (1 + point[1]) * self._half
 
 

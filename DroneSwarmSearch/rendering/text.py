@@ -34,13 +34,13 @@ def render_text(frame: Frame, columns: int = WIDTH, rows: int | None = None) -> 
     one that searches, `+` between drones of a cell, `P` for a missing person (with a count of
     several), `F1` for one found there by drone 1. Cells keep their width during an episode: `+`
     stands for what does not fit, which is listed below the map. If the map is larger than
-    `columns` and `rows`, a place of the map stands for a square of cells.
+    `columns` and `rows`, a square of the map stands for several cells.
     """
     size = frame.grid_size
     margin = len(str(size - 1)) + 1
     # The other lines: status, numbers of columns, ending, cells in full, legend.
     high = size if rows is None else rows - 7 - len(frame.uncertain_persons)
-    side = math.ceil(size / max(1, min(columns - margin, high)))  # of a place, in cells
+    side = math.ceil(size / max(1, min(columns - margin, high)))  # of a square, in cells
     edges = np.arange(0, size, side)
     width = min((columns - margin) // len(edges), len(f"{len(frame.drones) - 1}{SEARCHING}") + 3)
     header = " " * margin
@@ -53,7 +53,7 @@ def render_text(frame: Frame, columns: int = WIDTH, rows: int | None = None) -> 
         shorter = token, FOUND + token.rpartition(FOUND)[2], token.rstrip(SEARCHING), SEVERAL
         return next(part for part in shorter if len(part) <= room)
 
-    fitted = {place: fit(token) for place, token in tokens.items()}
+    fitted = {square: fit(token) for square, token in tokens.items()}
     sums = np.add.reduceat(np.add.reduceat(frame.matrix, edges, axis=0), edges, axis=1)
     levels = np.rint(shares_of_maximum(sums) * (len(RAMP) - 1)).astype(np.intp)
     lines = [*_header(frame, columns), header]
@@ -119,21 +119,21 @@ def _joined(parts: Iterable[str], columns: int) -> list[str]:
 
 
 def _tokens(frame: Frame, side: int) -> dict[tuple[int, int], str]:
-    """The text at each place of the map, which stands for `side` x `side` cells."""
+    """The text in each square of the map, which stands for `side` x `side` cells."""
     drones, persons = (
         [(x // side, y // side) for x, y in cells] for cells in (frame.drones, frame.persons)
     )
     tokens: dict[tuple[int, int], str] = {}
-    for number, (place, searching) in enumerate(zip(drones, frame.searching, strict=True)):
-        before = tokens[place] + SEVERAL if place in tokens else ""
-        tokens[place] = f"{before}{number}{SEARCHING if searching else ''}"
+    for number, (square, searching) in enumerate(zip(drones, frame.searching, strict=True)):
+        before = tokens[square] + SEVERAL if square in tokens else ""
+        tokens[square] = f"{before}{number}{SEARCHING if searching else ''}"
     finds = list(zip(persons, frame.found_by, strict=True))
-    missing = [place for place, drone in finds if drone is None and not frame.hide_persons]
-    for place, count in Counter(missing).items():
-        tokens[place] = tokens.get(place, "") + MISSING + (str(count) if count > 1 else "")
-    for place, drone in finds:
+    missing = [square for square, drone in finds if drone is None and not frame.hide_persons]
+    for square, count in Counter(missing).items():
+        tokens[square] = tokens.get(square, "") + MISSING + (str(count) if count > 1 else "")
+    for square, drone in finds:
         if drone is not None:
-            tokens[place] = f"{tokens.get(place, '')}{FOUND}{drone}"
+            tokens[square] = f"{tokens.get(square, '')}{FOUND}{drone}"
     return tokens
 
 

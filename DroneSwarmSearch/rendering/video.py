@@ -66,9 +66,7 @@ def cropped(frames: Sequence[Frame]) -> list[Frame]:
     likely = [shares_of_maximum(frame.matrix) > SHOWN_FROM for frame in frames]
     cells = [np.argwhere(np.any(likely, axis=0))[:, ::-1]]
     for frame in frames:
-        cells += [
-            np.array(places, np.int64).reshape(-1, 2) for places in (frame.drones, frame.persons)
-        ]
+        cells += [np.array(seen, np.int64).reshape(-1, 2) for seen in (frame.drones, frame.persons)]
     low = np.vstack(cells).min(axis=0)
     high = np.vstack(cells).max(axis=0)
     most = frames[0].grid_size

@@ -475,10 +475,10 @@ def _scenarios_of(
         raise ValueError(f"situations must hold at least one situation, got {situations!r}")
     made = [scenario.replace(persons=situation) for situation in given]
     persons = persons or len(made[0].persons_to_find)
-    for place, search in enumerate(made):
+    for index, search in enumerate(made):
         if len(search.persons_to_find) != persons:
             raise ValueError(
                 f"situations must all hold the same number of persons, {persons}, got "
-                f"{len(search.persons_to_find)} in situations[{place}]"
+                f"{len(search.persons_to_find)} in situations[{index}]"
             )
     return made

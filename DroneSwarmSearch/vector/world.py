@@ -89,7 +89,7 @@ class BatchState:
         self._shown_beliefs = self.beliefs if scenario.bayesian_update else None
         self._states = np.zeros((self._persons, rows), np.int64)
         # The counters of a step's drift draws, from the key of the episode on.
-        self._places = np.arange(1, 2 * self._persons + 1, dtype=np.uint64)[:, None] * GOLDEN
+        self._counters = np.arange(1, 2 * self._persons + 1, dtype=np.uint64)[:, None] * GOLDEN
         self._draws = np.zeros((2 * self._persons, rows), np.uint64)
         self._detection_keys = np.zeros(rows, np.uint64)
 
@@ -108,7 +108,7 @@ class BatchState:
         self.situation[rows] = situation
         self.missing[:, rows] = True
         self._entries[:, rows] = models
-        self._draws[:, rows] = self._places + keys[0]
+        self._draws[:, rows] = self._counters + keys[0]
         self._detection_keys[rows] = keys[1]
         if self.beliefs is not None:
             self.beliefs.forget(rows)
@@ -124,8 +124,8 @@ class BatchState:
     def use(self, catalogue: Catalogue, starting: Ints) -> None:
         """Use a catalogue from `extended`."""
         going = np.delete(np.arange(len(self.step)), starting)
-        _, place = np.unique(self.situation[going], return_inverse=True)
-        self.situation[going] = catalogue.choices + place
+        _, index = np.unique(self.situation[going], return_inverse=True)
+        self.situation[going] = catalogue.choices + index
         self._entries[:, going] = catalogue.forecast_of.take(self.situation[going], axis=1)
         self._entries[:, going] += self.step[going] * catalogue.forecasts.count
         catalogue.forecasts.reach(int(self.step[going].max(initial=0)))
@@ -197,7 +197,7 @@ class BatchState:
             self.beliefs.drift()
         draws = uniforms_of(self._draws).reshape(self._persons, 2, -1).swapaxes(0, 1)
         self._states = forecasts.walk(self._states, self._entries, draws)
-        self._draws += self._places[-1]
+        self._draws += self._counters[-1]
         self.step += 1
         self._entries += forecasts.count
 

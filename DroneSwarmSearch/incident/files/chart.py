@@ -38,7 +38,7 @@ TEXT_BOTTOM = 24
 PER_SHEET = 6
 """The most drones whose flights are told apart on a sheet; more are drawn on further sheets."""
 
-WIDER = 1.6  # a place is only on the map if it does not become so many times as wide
+WIDER = 1.6  # a position is only on the map if it does not become so many times as wide
 
 DASHES = ((9, 0), (5, 1.6), (1.2, 1), (7, 1.4, 1.2, 1.4), (2.6, 1.2), (7, 1.4, 1.2, 1.4, 1.2, 1.4))
 STEPS = np.array([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800])
@@ -91,7 +91,7 @@ def draw(plan: FlightPlan, drones: Sequence[int]) -> Figure:
     sheet.draw_graticule()
     sheet.draw_current()
     sheet.draw_drift()
-    sheet.draw_places()
+    sheet.draw_positions()
     sheet.draw_flights()
     sheet.draw_legend()
     sheet.draw_title()
@@ -200,15 +200,15 @@ class _Sheet:
         self._means.append(self._plan.particles.mean(self._incident.seconds(time)))
 
     def set_limits(self) -> None:
-        """Choose the limits of the map: the areas, the patterns, and places that are near."""
+        """Choose the limits of the map: the areas, the patterns, and positions that are near."""
         corners = [*self._corners]
         for flight in self._flights:
             corners += [flight.pattern.min(axis=0), flight.pattern.max(axis=0)]
-        for place in (self.known, self.base):
+        for position in (self.known, self.base):
             low = np.min(corners, axis=0)
             high = np.max(corners, axis=0)
-            if np.all(np.abs(place - (low + high) / 2) < WIDER / 2 * (high - low).max()):
-                corners.append(place)
+            if np.all(np.abs(position - (low + high) / 2) < WIDER / 2 * (high - low).max()):
+                corners.append(position)
         low = np.min(corners, axis=0)
         high = np.max(corners, axis=0)
         self.point = 1.12 * ((high - low) / SHEET).max()
@@ -265,23 +265,23 @@ class _Sheet:
         label = f"minutes since {first:%H:%M}"
         self._axes.plot([], [], marker="$10$", label=label, **SIGN)
 
-    def draw_places(self) -> None:
+    def draw_positions(self) -> None:
         """Draw where drones take off, and the last known position."""
         known_is_north = self.known[1] >= self.base[1]
-        up = 11 if known_is_north else -11  # the name of the northern place above it
+        up = 11 if known_is_north else -11  # the northern name above its position
         way = self.base - self.known
         away = ""
         if np.hypot(*way) > self.point:
             away = f": {_course(way)} from there"
         take_off = f"take-off, {up_to_the_minute(self._incident.start):%H:%M}"
-        self._draw_place(self.base, symbols="s", size=15, name=take_off, up=-up, away=away)
+        self._draw_position(self.base, symbols="s", size=15, name=take_off, up=-up, away=away)
         known = f"last known position, {self._incident.time:%H:%M}"
-        self._draw_place(self.known, symbols="oP", size=8, name=known, up=up, away="")
+        self._draw_position(self.known, symbols="oP", size=8, name=known, up=up, away="")
 
-    def _draw_place(
+    def _draw_position(
         self, at: Floats, *, symbols: str, size: float, name: str, up: int, away: str
     ) -> None:
-        """Draw symbols and a name, or an arrow at the edge towards a place off the map."""
+        """Draw symbols and a name, or an arrow at the edge towards a position off the map."""
         axes = self._axes
         middle = (self.low + self.high) / 2
         beside = 2 * (at - middle) / (self.high - self.low)
