@@ -194,10 +194,9 @@ class SB3Policy(TrainedPolicy):
         policy = kind(space, data["action_space"], lambda _: 0.0, **data["policy_kwargs"])
         policy.load_state_dict(params["policy"])
         batch = SearchBatch(1, scenario=scenario)
-        drone_view = replace(self.view, form="drone")
         views = (
-            replace(drone_view, action_mask=True),
-            replace(drone_view, action_mask=False, right_of_way=False),
+            replace(self.view, action_mask=True),
+            replace(self.view, action_mask=False, right_of_way=False),
         )
         known = [_shapes(BatchObservations(batch, view).space) for view in views]
         if _shapes(space) not in known:
