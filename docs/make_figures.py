@@ -756,6 +756,11 @@ def incident(theme: Theme, sampling: Sampling) -> Figure:
         right, top = (high - known) / 1000
         heat_map(axes, matrix, theme)
         axes.images[0].set_extent((left, right, bottom, top))
+        land = plan.land(low, high)
+        assert land is not None
+        for outline, *_ in land.polygons(low, high):
+            shore = (outline - known).T / 1000
+            axes.fill(*shore, facecolor=theme.faint, edgecolor=theme.grey, linewidth=0.6)
         axes.plot(0, 0, "+", color=theme.ink, markersize=8, markeredgewidth=1.6)
         axes.set(xlabel="km east", title=f"{time:%H:%M}")
     maps[0].set_ylabel("km north")

@@ -5,9 +5,9 @@
 
 OpenDrift's Leeway model drifts each incident's objects, to which this script adds the error of the
 position and turbulence. Its environment is the same for all objects, so that wind and current have
-no error here, neither in the plans. Legs are cut into pieces no longer than the swath; every object
-within half a piece along and half a swath across has been passed once more. The whole run takes
-some minutes.
+no error here, neither in the plans. There is no land. Legs are cut into pieces no longer than the
+swath; every object within half a piece along and half a swath across has been passed once more.
+The whole run takes some minutes.
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ def random_incident(rng: np.random.Generator) -> Incident:
         current=geo.current_towards(rng.uniform(0, 360), rng.uniform(0, 0.8)),
         wind_error=0,
         current_error=0,
+        coast="none",
         position_sd=float(rng.choice([100, 500, 926])),
         drones=int(rng.integers(1, 4)),
         speed=speed,

@@ -1,6 +1,8 @@
 """Fixtures and hooks of all tests."""
 
 import os
+import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,13 @@ pytest.register_assert_rewrite("helpers", "random_persons", "twins")
 
 # Tests run in parallel processes, whose BLAS threads would only compete. NumPy reads this once.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# A small coastline in place of 100 MB, here and in processes that tests start; its own cache.
+SMALL_COAST = str(Path(__file__).parent / "small_coast")
+sys.path.insert(0, SMALL_COAST)
+os.environ["PYTHONPATH"] = os.pathsep.join([SMALL_COAST, os.environ.get("PYTHONPATH", "")])
+CACHE = tempfile.TemporaryDirectory(prefix="droneswarmsearch-tests-")  # until the tests end
+os.environ["XDG_CACHE_HOME"] = CACHE.name
 
 from DroneSwarmSearch.incident import choice, planning
 from DroneSwarmSearch.paths import joint_plan

@@ -29,6 +29,7 @@ KNOWN: dict[str, Any] = {
     "position_sd": 100,
     "endurance": 1800,
     "drones": 1,
+    "coast": "none",
 }
 
 

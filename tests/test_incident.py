@@ -59,6 +59,7 @@ KNOWN: dict[str, Any] = {
     "wind": "300 20kn",
     "current": "160 0.5kn",
 }
+AT_SEA = {"coast": "none"}
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +142,7 @@ def test_particles_have_the_moments_of_the_leeway_model(name):
 
 def test_errors_of_wind_and_current_widen_the_map():
     """A wind error moves rafts downwind by their leeway; a current error moves everything."""
-    alone = {**KNOWN, "position_sd": 0, "object_class": "PIW-6", "endurance": 60}
+    alone = {**KNOWN, **AT_SEA, "position_sd": 0, "object_class": "PIW-6", "endurance": 60}
     errors = {"none": (0, 0), "current": (0, 0.3), "wind": (3, 0)}
     spread = {
         name: simulate(Incident(**alone, wind_error=wind, current_error=current), 20_000, 0)
@@ -160,7 +161,8 @@ def test_errors_of_wind_and_current_widen_the_map():
 def test_winds_and_currents_change_in_time():
     """A current that turns back after an hour brings persons back."""
     tide = {0: (0.5, 0.0), 3600: (0.5, 0.0), 3601: (-0.5, 0.0)}
-    still = {**KNOWN, "wind": (0, 0), "wind_error": 0, "current_error": 0, "endurance": 3600}
+    still = {**KNOWN, **AT_SEA, "wind": (0, 0), "wind_error": 0, "current_error": 0}
+    still["endurance"] = 3600
     there = Incident(**{**still, "current": tide, "object_class": "PIW-1"})
     cloud = simulate(there, 20_000, 0)
     assert cloud.mean(7200)[0] - cloud.mean(3600)[0] == pytest.approx(-1800, abs=20)

@@ -60,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--current-error", "the same (0.13m/s)", **words)
     about = "of a drift simulation, in place of object and current"
     add("--tracks", about, metavar="FILE")
+    add("--coast", "none, or a GeoJSON file with polygons of land (GSHHG)", metavar="FILE")
     add("--incident", "a file incident.json; other options replace its values", metavar="FILE")
     add("--after", "a plan that was flown and found nobody: plan the next one", metavar="DIR")
     group = parser.add_argument_group("the drones")

@@ -154,7 +154,7 @@ class _Episode:
         frame = self._env.frame()
         hides = self._hide_person and frame.ending is None
         frame = replace(frame, policy=self._label, hide_persons=hides, flown=self._flown)
-        return replace(frame, scale=self.search.scale)
+        return replace(frame, scale=self.search.scale, land=self.search.land)
 
 
 def _print_summary(

@@ -45,6 +45,7 @@ class Frame:
         hide_persons: missing persons are not drawn.
         flown: the number of the drone that is flown by hand; None for none.
         scale: of a search at sea, which is shown in kilometres, minutes and m/s.
+        land: (x, y) of the cells on land.
     """
 
     matrix: NDArray[np.float32]
@@ -66,6 +67,7 @@ class Frame:
     hide_persons: bool = False
     flown: int | None = None
     scale: Scale | None = None
+    land: tuple[tuple[int, int], ...] = ()
 
     @property
     def grid_size(self) -> int:

@@ -38,10 +38,11 @@ class NamedSearch:
             cells, from (0, 0) to the right, row by row.
         scale: the size of its cells and the duration of its steps, if it is a search at sea;
             results do not depend on it.
+        land: the (x, y) of cells on land, which pictures show; results do not depend on it.
 
     Raises:
-        TypeError: the name is not text, or the scenario no `Scenario`.
-        ValueError: the name is empty or too long, or `drones` does not fit the scenario.
+        TypeError: the name is not text, the scenario no `Scenario`, or cells are no list.
+        ValueError: the name is empty or too long, or cells do not fit the scenario.
     """
 
     name: str
@@ -49,6 +50,7 @@ class NamedSearch:
     scenario: Scenario
     drones: tuple[Cell, ...] = ()
     scale: Scale | None = None
+    land: tuple[Cell, ...] = ()
 
     def __post_init__(self) -> None:
         checks.name_text("name", self.name)
@@ -59,6 +61,9 @@ class NamedSearch:
             cells = scenario.drone_cells(self.drones, "drones")
         positions = tuple(cell_position(cell, size) for cell in cells)
         object.__setattr__(self, "drones", positions)
+        given = checks.items("land", self.land, "a list of cells")
+        land = tuple(checks.cell(f"land[{index}]", cell, size) for index, cell in enumerate(given))
+        object.__setattr__(self, "land", land)
 
     @property
     def outline(self) -> str:
@@ -115,6 +120,8 @@ class NamedSearch:
         data = {"name": self.name, "reason": self.reason, **self.data}
         if self.scale is not None:
             data["scale"] = asdict(self.scale)
+        if self.land:
+            data["land"] = [list(cell) for cell in self.land]
         if self.scenario.persons is None:
             del data["persons"]
         else:
@@ -134,10 +141,11 @@ class NamedSearch:
         if scale is not None:
             sizes = [field.name for field in fields(Scale)]
             scale = Scale(**checks.known_keys("scale", scale, sizes))
+        land = rest.pop("land", ())
         given = rest.pop("drones_positions", [])
         drones: Any = checks.items("drones_positions", given, "a list of cells")
         scenario = Scenario.from_dict({"n_drones": len(drones), **rest} if drones else rest)
-        return cls(name, reason, scenario, drones, scale)
+        return cls(name, reason, scenario, drones, scale, land)
 
     def with_posterior(self, bayesian_update: object) -> NamedSearch:
         """Select what drones see: the posterior (True), the prior (False) or the same (None)."""

@@ -95,7 +95,7 @@ def record(
     def frames() -> Iterator[Frame]:
         nonlocal last
         for frame, _ in play(made, where, first, seen):
-            last = replace(frame, policy=spec.name, scale=where.scale)
+            last = replace(frame, policy=spec.name, scale=where.scale, land=where.land)
             bar(frame.step)
             yield last
 

@@ -1,5 +1,6 @@
 """Positions, units, times and flows on the earth."""
 
+from DroneSwarmSearch.geo.coast import Land, land_around
 from DroneSwarmSearch.geo.fields import Field
 from DroneSwarmSearch.geo.flows import Constant, Flow, Origin, Series
 from DroneSwarmSearch.geo.plane import TangentPlane
@@ -12,11 +13,13 @@ __all__ = [
     "Constant",
     "Field",
     "Flow",
+    "Land",
     "Origin",
     "Scale",
     "Series",
     "TangentPlane",
     "current_towards",
+    "land_around",
     "read_flow",
     "wind_from",
 ]

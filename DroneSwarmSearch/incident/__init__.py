@@ -18,6 +18,7 @@ files for people and autopilots::
 On the command line, ``droneswarmsearch plan`` does the same.
 """
 
+from DroneSwarmSearch.incident.coast import Coast
 from DroneSwarmSearch.incident.drone import Drone, drone_of
 from DroneSwarmSearch.incident.files import write
 from DroneSwarmSearch.incident.flight_plan import Alternative, FlightPlan
@@ -26,7 +27,7 @@ from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.on_grid import locate, search_on_grid
 from DroneSwarmSearch.incident.particles import Particles, simulate
 from DroneSwarmSearch.incident.patterns import KINDS, PARALLEL, SECTOR, SQUARE, Pattern
-from DroneSwarmSearch.incident.planning import alternatives, plan
+from DroneSwarmSearch.incident.planning import alternatives, begun_at_sea, plan
 from DroneSwarmSearch.incident.sorties import after
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "SECTOR",
     "SQUARE",
     "Alternative",
+    "Coast",
     "Drone",
     "FlightPlan",
     "FlownFlight",
@@ -44,6 +46,7 @@ __all__ = [
     "Waypoint",
     "after",
     "alternatives",
+    "begun_at_sea",
     "drone_of",
     "locate",
     "plan",

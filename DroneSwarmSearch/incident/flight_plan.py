@@ -10,15 +10,18 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.text import plural
+from DroneSwarmSearch.geo.coast import NONE, Land
 from DroneSwarmSearch.geo.units import KNOT
 from DroneSwarmSearch.incident.choice import Guess
+from DroneSwarmSearch.incident.coast import NEAR
 from DroneSwarmSearch.incident.drone import drone_of
-from DroneSwarmSearch.incident.flights import Waypoint, legs_of
+from DroneSwarmSearch.incident.flights import Waypoint, legs_of, track
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.orders import order_line, order_of
 from DroneSwarmSearch.incident.particles import Particles
 from DroneSwarmSearch.incident.patterns import Pattern
 
+MARGIN = 0.1  # around everything that files show, as a share of its size
 MENTIONED = 0.005  # the least share of persons who strand that is mentioned
 
 
@@ -122,6 +125,29 @@ class FlightPlan:
                 counts = counts.T
         return counts.T[::-1], middle - half, middle + half
 
+    @cached_property
+    def extent(self) -> tuple[Floats, Floats]:
+        """The corners, (east, north) in metres, of an area with all flights and most persons."""
+        incident = self.incident
+        seen = [track(flight, incident.plane) for flight in self.flights]
+        for time in (self.on_scene, self.landed):
+            positions = self.particles.at(incident.seconds(time))
+            seen.append(np.percentile(positions, (0.1, 99.9), axis=0))
+        seen.append(np.zeros((1, 2)))  # the last known position
+        points = np.vstack(seen)
+        low = points.min(axis=0)
+        high = points.max(axis=0)
+        margin = MARGIN * (high - low).max()
+        return low - margin, high + margin
+
+    def land(self, low: Floats, high: Floats) -> Land | None:
+        """The land between two corners and beyond; None if no coast is known."""
+        farthest = float(np.abs([low, high]).max())
+        reach = NEAR
+        while reach < farthest:
+            reach *= 2
+        return self.incident.land(reach)
+
     @property
     def on_scene(self) -> datetime:
         """When the first drone is at its commence search point."""
@@ -183,6 +209,8 @@ class FlightPlan:
             )
         if self.particles.ashore >= MENTIONED:
             drift += f" {self.particles.ashore:.0%} of the persons strand by {self.landed:%H:%M}."
+        if incident.coast == NONE:
+            drift += " No coast is known, so nobody strands."
         first = drone_of(incident, 0)
         blows = float(np.hypot(*first.wind(np.zeros(1), np.zeros((2, 1))))[0])
         return [

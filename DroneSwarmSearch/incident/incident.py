@@ -6,7 +6,7 @@ import json
 import os
 from dataclasses import dataclass, field, fields
 from datetime import datetime, timedelta
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from DroneSwarmSearch._internal.arrays import Pair
 from DroneSwarmSearch._internal.files import parsed_json, write_text
 from DroneSwarmSearch._internal.text import plural, printable
 from DroneSwarmSearch.geo import units
+from DroneSwarmSearch.geo.coast import GSHHG, NONE, Land, land_around
 from DroneSwarmSearch.geo.flows import Flow, Origin
 from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.geo.times import in_utc, near
@@ -44,6 +45,7 @@ LONGEST_DRIFT = timedelta(hours=72)
 """From the last known position to the take-off; errors of leeway and current grow without end."""
 
 FLOWS = ("wind", "current")
+COASTS = (GSHHG, NONE)
 
 IN_TRACKS = ("current", "position_sd", "wind_error", "current_error")
 """What tracks have already: given with them, it would have no effect."""
@@ -80,6 +82,8 @@ class Incident:
         tracks: a file of a drift simulation, see `Tracks.read`, in place of class and current;
             `wind` is then only that on the drones, by default none. Position and time are by
             default the mean of its first positions, and when.
+        coast: where land is: "gshhg", the coastline of the package roaring-landmask; a GeoJSON file
+            with polygons of land; or "none". Persons start at sea, and strand on shores.
         start: when the drones take off, at most 72 hours after `time`; by default an hour after
             it. Of a time of the clock, such as "06:00Z", the nearest to `time` counts, here and
             where a wind or a current changes.
@@ -111,6 +115,7 @@ class Incident:
     wind_error: float = 2.0
     current_error: float = 0.13
     tracks: str | None = None
+    coast: str = GSHHG
     start: datetime = None  # type: ignore[assignment]
     drones: int = 3
     speed: float = 20.0
@@ -150,6 +155,17 @@ class Incident:
     def seconds(self, time: datetime) -> float:
         """Seconds from the last known position to a time."""
         return self.origin.seconds(time)
+
+    def land(self, reach: float) -> Land | None:
+        """The land up to a distance from the last known position; None with coast "none".
+
+        The distance is to each side, in metres.
+
+        Raises:
+            ImportError: a package is missing, see `geo.coast`.
+            ValueError: the file of the coast cannot be read.
+        """
+        return _land(self.coast, self.position, reach)
 
     # In words.
 
@@ -192,8 +208,9 @@ class Incident:
             values["base"] = None
         for name in FLOWS:
             values[name] = values[name].as_typed(os.fspath(folder))
-        if self.tracks is not None:
-            values["tracks"] = os.path.relpath(self.tracks, folder)
+        for name, value in (("tracks", self.tracks), ("coast", self.coast)):
+            if value is not None and value not in COASTS:
+                values[name] = os.path.relpath(value, folder)
         return json.dumps(values, indent=1, default=_plain, ensure_ascii=False) + "\n"
 
     @classmethod
@@ -202,16 +219,29 @@ class Incident:
         data = parsed_json(Path(path).read_bytes())
         names = [each.name for each in fields(cls) if each.init]
         values = checks.known_keys("an incident", data, names, ValueError)
-        for name in ("tracks", *FLOWS):
+        for name in ("tracks", "coast", *FLOWS):
             file = values.get(name)
-            if isinstance(file, str) and (name == "tracks" or Path(file).suffix.lower() in FILES):
+            if isinstance(file, str) and _names_file(name, file):
                 values[name] = os.path.normpath(Path(path).parent / file)
         return cls(**{**values, **changes})
 
 
+@lru_cache(maxsize=8)
+def _land(coast: str, position: Pair, reach: float) -> Land | None:
+    """`land_around`, kept: plans ask for the same land again and again."""
+    return land_around(coast, position, reach)
+
+
+def _names_file(name: str, value: str) -> bool:
+    """Whether a value names a file."""
+    if name == "coast":
+        return value not in COASTS
+    return name == "tracks" or Path(value).suffix.lower() in FILES
+
+
 def _checked(given: dict[str, Any]) -> dict[str, Any]:
     """The values of an incident in their plain forms, from what was given."""
-    values = {**given, **_object(given)}
+    values = {**given, **_object(given), "coast": _coast(given["coast"])}
     values |= {name: kind.read(name, given[name]) for name, kind in QUANTITIES.items()}
     values["drones"] = checks.integer("drones", given["drones"], 1, 50)
     name = "probability_of_detection"
@@ -232,6 +262,17 @@ def _checked(given: dict[str, Any]) -> dict[str, Any]:
         _check_tracks_alone(values, given)
     values["flown"] = _flown(values)
     return values
+
+
+def _coast(value: object) -> str:
+    """The name of a coast, or the path of its file."""
+    what = "coast must be 'gshhg', 'none' or a GeoJSON file"
+    if not isinstance(value, (str, os.PathLike)):
+        raise TypeError(f"{what}, got {value!r}")
+    coast = os.fspath(value)
+    if coast not in COASTS and not Path(coast).is_file():
+        raise ValueError(f"{what}, but there is no {coast!r}")
+    return coast
 
 
 def _object(given: dict[str, Any]) -> dict[str, Any]:

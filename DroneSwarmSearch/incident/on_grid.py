@@ -14,6 +14,7 @@ from DroneSwarmSearch._internal.cells import cell_number, cell_position
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.geo.scale import Scale
+from DroneSwarmSearch.incident.coast import Coast
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.particles import Particles, simulate
 from DroneSwarmSearch.persons.person import Person
@@ -96,8 +97,25 @@ def _on_grid(incident: Incident) -> _OnGrid:
     away = np.hypot(*((likely - middle) * (1, -1) * metres - base).T)
     nearest = np.argsort(away, kind="stable")[: incident.drones]
     starts = tuple((x, y) for x, y in likely[nearest].tolist())
-    search = NamedSearch("incident", incident.sentence, scenario, starts, scale)
+    search = NamedSearch(
+        name="incident",
+        reason=incident.sentence,
+        scenario=scenario,
+        drones=starts,
+        scale=scale,
+        land=_land_cells(incident, size, middle, metres),
+    )
     return _OnGrid(search, scale, middle)
+
+
+def _land_cells(
+    incident: Incident, size: int, middle: Floats, metres: float
+) -> tuple[tuple[int, int], ...]:
+    """The cells (x, y) whose centres are on land."""
+    x, y = cell_position(np.arange(size**2), size)
+    centres = (np.stack([x, y], axis=-1) - middle) * (1, -1) * metres
+    is_land = Coast(incident).is_land(centres.T)
+    return tuple(zip(x[is_land].tolist(), y[is_land].tolist(), strict=True))
 
 
 def _hours(incident: Incident, cloud: Particles) -> tuple[float, float]:

@@ -42,7 +42,7 @@ def order_of(drone: int, pattern: Pattern, flight: Flight) -> dict[str, str]:
         "pattern": pattern.kind,
         "commence search point": radioed((scene.latitude, scene.longitude)),
         "first heading": _degrees(course(scene, after_scene)),
-        "radius" if is_sector else "leg length": _length(legs.first),
+        "radius" if is_sector else "leg length": _length(legs.length),
         "track spacing": "" if is_sector else f"{pattern.spacing:.0f} m",
         "first turn": "starboard" if pattern.side > 0 else "port",
         "legs": f"{legs.number}",
@@ -75,13 +75,15 @@ class Legs(NamedTuple):
     Attributes:
         number: how many are flown.
         tracks: the number of parallel tracks along which they lie; 0 for other patterns.
-        first: the length of the first one in metres, over the water if the pattern moves.
+        length: the length of one in metres, over the water if the pattern moves.
+        first: that of the first one, if it is shorter, because it begins on land; else None.
         last: that of the last one, if it is cut short; else None.
     """
 
     number: int
     tracks: int
-    first: float
+    length: float
+    first: float | None
     last: float | None
 
     @classmethod
@@ -92,15 +94,24 @@ class Legs(NamedTuple):
         over_water = track(flight, plane) - pattern.drift * seconds[:, None]
         lengths = np.hypot(*np.diff(over_water[1:-1], axis=0).T)
         if pattern.kind != PARALLEL or not lengths.size:
-            first = float(lengths[0]) if lengths.size else 0.0
-            return cls(number=len(lengths), tracks=0, first=first, last=None)
+            length = float(lengths[0]) if lengths.size else 0.0
+            return cls(number=len(lengths), tracks=0, length=length, first=None, last=None)
         is_along = pattern.is_along(np.arange(len(lengths)))
         along = lengths[is_along]
+        length = float(along.max())
+        first = None
+        if is_along[0] and along[0] < CUT * length:
+            first = float(along[0])
         last = None
-        if is_along[-1] and along[-1] < CUT * along[0]:
+        if len(along) > 1 and is_along[-1] and along[-1] < CUT * length:
             last = float(along[-1])
-        tracks = min(pattern.legs, len(along))
-        return cls(number=len(along), tracks=tracks, first=float(along[0]), last=last)
+        return cls(
+            number=len(along),
+            tracks=min(pattern.legs, len(along)),
+            length=length,
+            first=first,
+            last=last,
+        )
 
     @property
     def words(self) -> str:
@@ -108,6 +119,8 @@ class Legs(NamedTuple):
         text = plural(self.number, "leg")
         if 0 < self.tracks < self.number:
             text += f" on {plural(self.tracks, 'track')}"
+        if self.first is not None:
+            text += f", first leg {self.first / 1000:.1f} km"
         return text
 
 

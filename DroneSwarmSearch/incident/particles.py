@@ -12,6 +12,7 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch.geo.flows import Flow
 from DroneSwarmSearch.geo.scale import Scale
+from DroneSwarmSearch.incident.coast import Coast
 from DroneSwarmSearch.incident.flights import legs_of
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.persons import leeway
@@ -25,6 +26,8 @@ SHORTEST_STEP = 15.0  # between the times that are kept, in seconds
 MOST_STEPS = 400  # that are kept
 
 FEWEST_TRACKS = 20
+
+MOST_CANDIDATES = 1000  # positions that are drawn at a time in place of those on land
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,12 +236,25 @@ class _Drifting:
         self._current: Flow = incident.current
         self._rng = np.random.default_rng(seed)
         self._n = n
-        self._position = self._rng.normal(0.0, incident.position_sd, (2, n))
+        self._coast = Coast(incident)
+        self._position = self._starts(incident.position_sd)
         self._wind_off = self._rng.normal(0.0, incident.wind_error, (2, n))
         self._current_off = self._rng.normal(0.0, incident.current_error, (2, n))
         self._along = self._downwind_errors()
         self._side = np.arange(n) % 2  # 0: right of the wind
         self._across = self._rng.normal(size=n)
+
+    def _starts(self, sd: float) -> Floats:
+        """Positions at sea around the last known one: (2, n)."""
+        positions = self._rng.normal(0.0, sd, (2, self._n))
+        wrong = self._coast.is_land(positions).nonzero()[0]
+        while wrong.size:
+            others = self._rng.normal(0.0, sd, (2, MOST_CANDIDATES))
+            others = others[:, ~self._coast.is_land(others)]
+            done = wrong[: others.shape[1]]
+            positions[:, done] = others[:, : len(done)]
+            wrong = wrong[len(done) :]
+        return positions
 
     def _downwind_errors(self) -> Floats:
         """The downwind errors, drawn again where an object would drift against the wind."""
@@ -282,9 +298,10 @@ class _Drifting:
                 half_way = self._position + h / 2 * np.nan_to_num(velocity)
                 velocity = self._velocity(now + h / 2, half_way)
                 walk = self._rng.normal(0.0, np.sqrt(2 * DIFFUSIVITY * h), (2, n))
-                move = h * velocity + walk
-                ashore |= np.isnan(move[0])
-                self._position += np.where(ashore, 0.0, move)
+                moved = self._position + h * velocity + walk
+                ashore |= np.isnan(moved[0])
+                ashore[~ashore] = self._coast.is_land(moved[:, ~ashore])
+                self._position = np.where(ashore, self._position, moved)
                 now += h
             kept[:, row] = self._position
         weights = np.full(n, 1.0 / n)

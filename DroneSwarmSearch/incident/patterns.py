@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,21 @@ KINDS = (PARALLEL, SQUARE, SECTOR)
 """Of the IAMSAR Manual, volume II, chapter 5."""
 
 
+LEGS_LEFT_OUT = 50  # at most, at the beginning
+
+
+def distances_along(points: Floats) -> Floats:
+    """The distance of each point from the first one along the lines between them: (n,)."""
+    lengths = np.hypot(*np.diff(points, axis=0).T)
+    return np.append(0.0, lengths.cumsum())
+
+
+def point_along(points: Floats, distances: Floats) -> Floats:
+    """The points at some distances along the lines between points, (n, 2): (m, 2)."""
+    along = distances_along(points)
+    return np.stack([np.interp(distances, along, axis) for axis in points.T], axis=-1)
+
+
 @dataclass(frozen=True)
 class Pattern:
     """A search pattern; lengths are in metres.
@@ -41,6 +56,7 @@ class Pattern:
         legs: of a parallel track, which is then flown backwards.
         side: 1 if the drone turns to starboard, -1 if to port.
         drift: the velocity of all points from take-off on, (east, north) in m/s.
+        begin: how much of the track is left out at its beginning, because it is over land.
     """
 
     kind: str
@@ -51,6 +67,7 @@ class Pattern:
     legs: int
     side: int
     drift: Floats
+    begin: float = 0.0
 
     def points(self, count: int) -> Floats:
         """The first points, where they are at take-off: float64, (n, 2), n at most `count`."""
@@ -59,7 +76,18 @@ class Pattern:
         points = turning_points(self.start, headings, legs.lengths)
         is_turn = np.abs(np.sin(np.diff(headings) / 2)) > 1e-9
         turning: Floats = points[np.concatenate([[True], is_turn, [True]])]
+        if self.begin:
+            first = point_along(turning, np.array([self.begin]))
+            turning = np.vstack([first, turning[1 + self.legs_left_out :]])
         return turning
+
+    @property
+    def legs_left_out(self) -> int:
+        """The number of whole legs that are left out."""
+        if not self.begin:
+            return 0
+        ends = distances_along(replace(self, begin=0.0).points(LEGS_LEFT_OUT + 2))
+        return int(ends[1:].searchsorted(self.begin, side="right"))
 
     def _legs(self, numbers: Ints) -> Legs:
         """The legs with these numbers, counted from 0."""
@@ -73,7 +101,7 @@ class Pattern:
 
     def is_along(self, numbers: Ints) -> Flags:
         """Whether legs of a parallel track, counted from 0, lie along it; the others cross over."""
-        along: Flags = self._laps(numbers)[1] % 2 == 0
+        along: Flags = self._laps(numbers + self.legs_left_out)[1] % 2 == 0
         return along
 
     def _laps(self, numbers: Ints) -> tuple[Ints, Ints]:

@@ -6,20 +6,28 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from DroneSwarmSearch._internal.arrays import Floats
+import numpy as np
+
+from DroneSwarmSearch._internal.arrays import Flags, Floats
 from DroneSwarmSearch._internal.progress import progress
+from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.geo.units import KNOT
 from DroneSwarmSearch.incident.choice import Area, CannotFlyError, Guess, choose
+from DroneSwarmSearch.incident.coast import Coast
 from DroneSwarmSearch.incident.drone import Drone, drone_of
 from DroneSwarmSearch.incident.flight_plan import Alternative, FlightPlan
 from DroneSwarmSearch.incident.flights import Waypoint
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.particles import simulate
-from DroneSwarmSearch.incident.patterns import Pattern
+from DroneSwarmSearch.incident.patterns import LEGS_LEFT_OUT, Pattern, point_along
 
 FEW = 2_000  # particles for the first choice of patterns
 MANY = 8_000  # particles to improve them
 FIGURES = 40_000  # particles of all figures
+
+TRIED_EVERY = 10.0  # metres along a track, to find where it comes to the sea
+TRIED = 10_000
+MOST_BEGINNINGS = 10
 
 
 def plan(incident: Incident, *, with_alternatives: bool = False) -> FlightPlan:
@@ -72,7 +80,11 @@ def _planned(incident: Incident, areas: Sequence[Area], near: Sequence[Guess]) -
     """A plan whose patterns are chosen on some areas, near those of another plan."""
     with progress("planning", 1.0) as on_progress:
         guesses = choose(areas, near, on_progress)
-    patterns = [areas[-1].pattern(guess) for guess in guesses]
+    coast = Coast(incident)
+    patterns = [
+        begun_at_sea(areas[-1].pattern(guess), drone_of(incident, number), incident.plane, coast)
+        for number, guess in enumerate(guesses)
+    ]
     flights = [
         _flight(incident, drone_of(incident, number), pattern)
         for number, pattern in enumerate(patterns)
@@ -84,6 +96,44 @@ def _planned(incident: Incident, areas: Sequence[Area], near: Sequence[Guess]) -
         particles=simulate(incident, FIGURES, 0),
         guesses=tuple(guesses),
     )
+
+
+def begun_at_sea(pattern: Pattern, drone: Drone, plane: TangentPlane, coast: Coast) -> Pattern:
+    """The pattern without its beginning, as far as that is over land when the drone comes there.
+
+    The commence search point is then at sea, also as it is read over the radio, in tenths of a
+    minute. A pattern that is nowhere over the sea stays as it is.
+
+    Args:
+        pattern: the pattern.
+        drone: that flies it.
+        plane: of all metres.
+        coast: what is on land.
+    """
+    begun = pattern
+    for _ in range(MOST_BEGINNINGS):
+        flown = drone.fly(begun)
+        if flown is None:
+            break
+        arrival = flown[1, 0]
+        distances = begun.begin + TRIED_EVERY * np.arange(TRIED, dtype=np.float64)
+        track = pattern.points(LEGS_LEFT_OUT) + pattern.drift * arrival
+        is_sea = _is_sea(point_along(track, distances), plane, coast)
+        if not is_sea.any():
+            break
+        first = float(distances[is_sea.argmax()])
+        if first == begun.begin:
+            return begun
+        begun = replace(pattern, begin=first)
+    return pattern
+
+
+def _is_sea(points: Floats, plane: TangentPlane, coast: Coast) -> Flags:
+    """Whether points, (n, 2), are at sea, and so are the nearest tenths of minutes."""
+    tenths = np.round(600 * plane.degrees(points)) / 600
+    as_read = plane.metres(*tenths.T)
+    is_sea: Flags = ~(coast.is_land(points.T) | coast.is_land(as_read.T))
+    return is_sea
 
 
 def _flight(incident: Incident, drone: Drone, pattern: Pattern) -> list[Waypoint]:

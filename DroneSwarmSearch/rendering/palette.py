@@ -19,6 +19,8 @@ WHITE: Colour = (255, 255, 255)
 PROGRESS: Colour = (52, 92, 148)
 PROGRESS_LIGHT: Colour = (150, 180, 218)
 
+LAND: Colour = (198, 180, 138)
+
 # The outcome of an episode.
 FOUND: Colour = (14, 112, 62)
 NOT_FOUND: Colour = (176, 22, 38)

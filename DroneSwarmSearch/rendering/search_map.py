@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Pair
 from DroneSwarmSearch.core.frame import HISTORY_STEPS, TRAIL_STEPS, Frame
+from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.rules import Ending, is_success
 from DroneSwarmSearch.geo.scale import Scale
 from DroneSwarmSearch.rendering import sprites
@@ -20,6 +21,7 @@ from DroneSwarmSearch.rendering.palette import (
     FOUND,
     GREY,
     INK,
+    LAND,
     NOT_FOUND,
     PROGRESS,
     WHITE,
@@ -63,6 +65,7 @@ TRAIL_OPACITY = 230
 # of the mark of a search
 SEARCHED_SHARE = 0.25
 SEARCHED_LEAST = 6
+LAND_OPACITY = 190
 FADES = 6  # the opacities of marks that fade
 Positions = Sequence[Sequence[float]]
 Sprite = tuple[pygame.Surface, Pair]  # an image and its middle
@@ -89,6 +92,7 @@ class SearchMap:
         self._draw_border(canvas, INK, 1)
         self._draw_coordinates(canvas, frame.scale)
         self._draw_cells(canvas, frame.matrix)
+        self._draw_land(canvas, frame.land)
         if self._look.grid:
             self._draw_lines(canvas)
         self._draw_trails(canvas, frame, drones)
@@ -138,6 +142,16 @@ class SearchMap:
         colours = self._look.colours(matrix)
         cells = pygame.image.frombuffer(colours.tobytes(), matrix.shape, "RGB")
         canvas.blit(pygame.transform.scale(cells, (self.side, self.side)), (LEFT, TOP))
+
+    def _draw_land(self, canvas: pygame.Surface, land: Sequence[Cell]) -> None:
+        """Cover cells on land, so that the probability of those who have stranded shows through."""
+        if not land:
+            return
+        cover = pygame.Surface((self.grid_size, self.grid_size), pygame.SRCALPHA, 32)
+        for cell in land:
+            if min(cell) >= 0 and max(cell) < self.grid_size:  # in the part that a film shows
+                cover.set_at(cell, (*LAND, LAND_OPACITY))
+        canvas.blit(pygame.transform.scale(cover, (self.side, self.side)), (LEFT, TOP))
 
     def _draw_lines(self, canvas: pygame.Surface) -> None:
         opacity = round(255 * GRID_OPACITY * min(1.0, self._pitch / OPAQUE_FROM))

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from DroneSwarmSearch._internal.arrays import Flags, Ints
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.rendering.labels import drift, percent, tick_stride
@@ -19,6 +20,7 @@ from DroneSwarmSearch.rendering.palette import shares_of_maximum
 
 # From probability 0 to the matrix's maximum; differs from the marks, to be readable behind them.
 RAMP = ".:;=oO%#@"
+LAND = "/"  # in place of the probability 0
 SEARCHING, SEVERAL, MISSING, FOUND = "*+PF"
 WIDTH = 80  # characters in a line of a table, and where the width of the terminal is unknown
 
@@ -57,8 +59,13 @@ def render_text(frame: Frame, columns: int = WIDTH, rows: int | None = None) -> 
     sums = np.add.reduceat(np.add.reduceat(frame.matrix, edges, axis=0), edges, axis=1)
     levels = np.rint(shares_of_maximum(sums) * (len(RAMP) - 1)).astype(np.intp)
     lines = [*_header(frame, columns), header]
+    is_land = _is_land(frame, edges)
     for y, row in enumerate(levels.tolist()):
-        texts = (fitted.get((x, y), "") + RAMP[level] for x, level in enumerate(row))
+        marks = (
+            LAND if level == 0 and on_land else RAMP[level]
+            for level, on_land in zip(row, is_land[y].tolist(), strict=True)
+        )
+        texts = (fitted.get((x, y), "") + mark for x, mark in enumerate(marks))
         cells = (text[:width].rjust(width) for text in texts)
         lines.append(f"{side * y:{margin - 1}} " + "".join(cells))
     cut = tokens.items() - fitted.items()
@@ -137,12 +144,29 @@ def _tokens(frame: Frame, side: int) -> dict[tuple[int, int], str]:
     return tokens
 
 
+def _is_land(frame: Frame, edges: Ints) -> Flags:
+    """Whether most of the cells in each square of the map are on land: bool, [row, column]."""
+    cells = np.zeros((frame.grid_size, frame.grid_size))
+    for x, y in frame.land:
+        if min(x, y) >= 0 and max(x, y) < frame.grid_size:
+            cells[y, x] = 1.0
+    ones = np.ones_like(cells)
+    counts, of = (
+        np.add.reduceat(np.add.reduceat(values, edges, axis=0), edges, axis=1)
+        for values in (cells, ones)
+    )
+    is_land: Flags = 2 * counts > of
+    return is_land
+
+
 def _legend(frame: Frame, columns: int, side: int, maximum: float) -> list[str]:
     last = len(frame.drones) - 1
     drones = "0" if last == 0 else f"0-{last}"
     meanings = [f"{drones} drone, {SEARCHING} searching, {SEVERAL} more, listed below"]
     if frame.persons:
         meanings.append(f"{MISSING} person, {FOUND}0 found by drone 0")
+    if frame.land:
+        meanings.append(f"{LAND} land")
     of = f" of {side} x {side} cells" if side > 1 else ""
     meanings.append(f"{RAMP} probability{of}, 0 to {percent(maximum)}")
     return _joined(meanings, columns)

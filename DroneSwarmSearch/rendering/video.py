@@ -94,6 +94,7 @@ def _part(frame: Frame, left: int, top: int, size: int) -> Frame:
         persons=moved(frame.persons),
         trails=tuple(moved(trail) for trail in frame.trails),
         searched=tuple((x - left, y - top, age) for x, y, age in frame.searched),
+        land=moved(frame.land),
     )
 
 

@@ -47,7 +47,9 @@ BLACK: Any = {"arrowstyle": "simple", "color": "black", "shrinkB": 0}
 BOX: Any = {"facecolor": "white", "edgecolor": "none", "boxstyle": "round,pad=.1"}
 SIGN: Any = {"color": "black", "linestyle": "", "markersize": 10}
 CENTRED: Any = {"ha": "center", "va": "center_baseline", "fontsize": 7.5}
+LAND = "#f3ecdc"
 STYLE = {
+    "hatch.linewidth": 0.4,
     "axes.grid": True,
     "font.size": 8,
     "legend.frameon": False,
@@ -88,6 +90,7 @@ def draw(plan: FlightPlan, drones: Sequence[int]) -> Figure:
     sheet = _Sheet(axes, plan, flights)
     sheet.draw_areas()
     sheet.set_limits()
+    sheet.draw_land()
     sheet.draw_graticule()
     sheet.draw_current()
     sheet.draw_drift()
@@ -219,6 +222,27 @@ class _Sheet:
         self._axes.set(xlim=(left, right), ylim=(bottom, top))
 
     # The steps of drawing.
+
+    def draw_land(self) -> None:
+        """Draw land, hatched, and its shores."""
+        from matplotlib.patches import PathPatch
+        from matplotlib.path import Path as Outline
+
+        land = self._plan.land(self.low, self.high)
+        if land is None:
+            return
+        polygons = land.polygons(self.low, self.high)
+        for polygon in polygons:
+            outlines = [Outline(outline, closed=True) for outline in polygon]
+            shape = Outline.make_compound_path(*outlines)
+            hatched = PathPatch(
+                shape, facecolor=LAND, edgecolor="0.7", hatch="////", linewidth=0, zorder=1
+            )
+            self._axes.add_patch(hatched)
+            shore = PathPatch(shape, facecolor="none", edgecolor="0.25", linewidth=0.8, zorder=1)
+            self._axes.add_patch(shore)
+        if polygons:
+            hatched.set_label("land")
 
     def draw_graticule(self) -> None:
         """Put ticks and lines at round minutes of latitude and longitude."""

@@ -1,11 +1,11 @@
-"""GeoJSON: the last known position, and a line and the waypoints of each drone."""
+"""GeoJSON: the last known position, land, and a line and the waypoints of each drone."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
-from DroneSwarmSearch.incident.files.lines import lengths, point_of, split, utc
+from DroneSwarmSearch.incident.files.lines import land_of, lengths, point_of, split, utc
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 
 
@@ -13,6 +13,10 @@ def geojson(plan: FlightPlan) -> str:
     """The content of plan.geojson."""
     latitude, longitude = plan.incident.position
     features = [_feature("Point", (longitude, latitude), name="last known position")]
+    land = land_of(plan)
+    if land:
+        polygons = [[outline.tolist() for outline in polygon] for polygon in land]
+        features.append(_feature("MultiPolygon", polygons, name="land"))
     for drone, (flight, order) in enumerate(zip(plan.flights, plan.orders, strict=True), 1):
         lines = split(flight)
         is_whole = len(lines) == 1

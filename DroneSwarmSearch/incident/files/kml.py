@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import io
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.incident.files.lines import Line, point_of, split, utc
+from DroneSwarmSearch.geo.coast import Polygon
+from DroneSwarmSearch.incident.files.lines import Line, land_of, point_of, split, utc
 from DroneSwarmSearch.incident.files.xml import add, as_bytes
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 from DroneSwarmSearch.incident.flights import Waypoint
@@ -18,6 +20,10 @@ from DroneSwarmSearch.rendering.palette import drone_colour
 
 MAP = (230, 0, 130)
 """The colour of the probability: visible on a dark and on a light chart, and no drone's."""
+
+SHORE = "ff404040"
+LAND = "40404040"
+"""Colours of lines and of land: opacity, blue, green and red."""
 
 
 class Overlay(NamedTuple):
@@ -46,6 +52,9 @@ def kml(plan: FlightPlan, overlays: list[Overlay]) -> bytes:
             Icon={"href": overlay.name},
             LatLonBox=overlay.box,
         )
+    land = land_of(plan)
+    if land:
+        _add_land(document, land)
     latitude, longitude = plan.incident.position
     known = _shape([(longitude, latitude)], 0)
     add(document, "Placemark", name="last known position", Point=known)
@@ -53,6 +62,18 @@ def kml(plan: FlightPlan, overlays: list[Overlay]) -> bytes:
         folder = add(document, "Folder", name=f"drone {drone}")
         _add_flight(folder, drone, flight, order)
     return as_bytes(root)
+
+
+def _add_land(document: ET.Element, land: list[Polygon]) -> None:
+    """The polygons of land, flat on the ground."""
+    style = {"LineStyle": {"color": SHORE, "width": 2}, "PolyStyle": {"color": LAND}}
+    placemark = add(document, "Placemark", name="land", Style=style)
+    parent = add(placemark, "MultiGeometry")
+    for outlines in land:
+        polygon = add(parent, "Polygon")
+        for number, outline in enumerate(outlines):
+            border = add(polygon, "innerBoundaryIs" if number else "outerBoundaryIs")
+            add(border, "LinearRing", coordinates=_coordinates(outline.tolist(), 0))
 
 
 def _add_flight(folder: ET.Element, drone: int, flight: list[Waypoint], order: str) -> None:
@@ -82,8 +103,12 @@ def _add_flight(folder: ET.Element, drone: int, flight: list[Waypoint], order: s
 
 def _shape(line: Line, altitude: float) -> dict[str, str]:
     """The elements of a point or line, at an altitude in metres above the sea."""
-    coordinates = " ".join(f"{x:.7f},{y:.7f},{altitude}" for x, y in line)
-    return {"altitudeMode": "relativeToGround", "coordinates": coordinates}
+    return {"altitudeMode": "relativeToGround", "coordinates": _coordinates(line, altitude)}
+
+
+def _coordinates(line: Iterable[Sequence[float]], altitude: float) -> str:
+    """Positions as text."""
+    return " ".join(f"{x:.7f},{y:.7f},{altitude}" for x, y in line)
 
 
 def overlays_of(plan: FlightPlan) -> list[Overlay]:

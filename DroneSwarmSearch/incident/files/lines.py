@@ -1,4 +1,4 @@
-"""Flights as lines in degrees, and times as text, for the files of a plan."""
+"""Flights as lines and land as polygons in degrees, and times as text, for the files of a plan."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch.geo.coast import Polygon
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 from DroneSwarmSearch.incident.flights import Flight, Waypoint, track
 
@@ -30,6 +31,13 @@ def lengths(plan: FlightPlan, flight: Flight) -> Floats:
 def point_of(waypoint: Waypoint) -> tuple[float, float]:
     """A waypoint's longitude and latitude."""
     return round(waypoint.longitude, 7), round(waypoint.latitude, 7)
+
+
+def land_of(plan: FlightPlan) -> list[Polygon]:
+    """The land around all flights: polygons of (longitude, latitude)."""
+    low, high = plan.extent
+    land = plan.land(low, high)
+    return [] if land is None else land.polygons_in_degrees(low, high)
 
 
 def split(flight: Flight) -> list[Line]:

@@ -1,0 +1,54 @@
+"""The coast of an incident: what is on land, and whether the last known position is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from DroneSwarmSearch._internal.arrays import Flags, Floats
+from DroneSwarmSearch.geo import units
+from DroneSwarmSearch.geo.coast import Land
+from DroneSwarmSearch.incident.incident import Incident
+
+NEAR = 64_000.0  # metres from the last known position to which land is first read
+
+
+class Coast:
+    """The coast of an incident, which is read as far as persons drift.
+
+    Args:
+        incident: what is known.
+
+    Raises:
+        ImportError: a package is missing, see `geo.coast`.
+        ValueError: the last known position is on land, farther from the sea than its error; or
+            the file of the coast cannot be read.
+    """
+
+    def __init__(self, incident: Incident) -> None:
+        self._incident = incident
+        self._land = incident.land(max(NEAR, 4 * incident.position_sd))
+        if self._land is not None and incident.tracks is None:
+            self._check_position(self._land)
+
+    def _check_position(self, land: Land) -> None:
+        incident = self._incident
+        inland = land.distance_to_sea(np.zeros(2))
+        if inland > incident.position_sd:
+            distance = f"{inland:.0f} m" if inland < 1000 else f"{inland / 1000:.0f} km"
+            raise ValueError(
+                "position must be at sea, or nearer to it than its error, "
+                f"{incident.position_sd:g} m, got {units.radioed(incident.position)}, which is "
+                f"{distance} inland; on a lake, give a coast that knows it, or coast 'none'"
+            )
+
+    def is_land(self, points: Floats) -> Flags:
+        """Whether points, (east, north) in metres, (2, n), are on land: bool, (n,)."""
+        land = self._land
+        if land is None:
+            return np.zeros(points.shape[1], np.bool_)
+        farthest = np.abs(points).max(initial=0.0)
+        while farthest > land.reach:
+            wider = self._incident.land(2 * land.reach)
+            assert wider is not None
+            land = self._land = wider
+        return land.contains(points)
