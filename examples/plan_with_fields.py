@@ -21,7 +21,7 @@ import numpy as np
 from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.incident import Incident, plan, simulate, write
 
-MIDDLE = 54.2, 7.9
+MIDDLE = 54.2, 4.9  # far from real coasts
 COAST = 0.06  # degrees of latitude to either side
 PLANE = TangentPlane(*MIDDLE)
 HOURS = np.arange(0.0, 13.0, 0.5)
@@ -80,7 +80,7 @@ def main() -> None:
     write_field(folder / "ocean.nc", current, names, 300)
     write_field(folder / "weather.nc", wind, ("x_wind", "y_wind"), 30)
     incident = Incident(
-        position=(54.19, 7.86),
+        position=(54.19, 4.86),
         time="2026-03-01T01:00Z",
         start="2026-03-01T03:00Z",
         object_class="LIFE-RAFT-SB-6",

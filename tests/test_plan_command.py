@@ -131,10 +131,6 @@ REFUSED = {
     "a long turn": (f"{HERE} --turn 1h", "--turn must be from 0 to 10 min, got '1h'"),
     "a large error": (f"{HERE} --error 200km", "--error must be from 0 to 100 km, got '200km'"),
     "a certain find": (f"{HERE} --detection 1.1", "--detection must be a finite number"),
-    "a grib file": (
-        f"{OPTIONS} {PLACE} --wind gfs.grib2",
-        "--wind must be text such as 300 25kn, or",
-    ),
     "an HDF file": (
         f"{OPTIONS} {PLACE} --wind era5.h5",
         "--wind must be text such as 300 25kn, or a",

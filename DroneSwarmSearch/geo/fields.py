@@ -1,88 +1,47 @@
-"""Fields of current and wind, from the NetCDF files of ocean and weather models."""
+"""Fields of current and wind, from the files of ocean and weather models."""
 
 from __future__ import annotations
 
-import math
 import os
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Floats, Ints, Pair, Singles
-from DroneSwarmSearch._internal.text import printable
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch.geo.flows import Clock, Flow, Origin
-from DroneSwarmSearch.geo.netcdf import check_size, opened, since_1970
+from DroneSwarmSearch.geo.forecast_files import read_forecast
+from DroneSwarmSearch.geo.model_grid import PlaneTable, plane_table
 
-NAMES = {
-    "current": (
-        ("eastward_sea_water_velocity", "northward_sea_water_velocity"),
-        ("x_sea_water_velocity", "y_sea_water_velocity"),
-        ("surface_eastward_sea_water_velocity", "surface_northward_sea_water_velocity"),
-        ("surface_sea_water_x_velocity", "surface_sea_water_y_velocity"),
-    ),
-    "wind": (("eastward_wind", "northward_wind"), ("x_wind", "y_wind")),
-}
-"""CF standard names of components to the east and to the north."""
-
-AXES = {
-    "time": ("time", "t"),
-    "latitude": ("latitude", "lat", "degrees_north", "degree_north", "y"),
-    "longitude": ("longitude", "lon", "degrees_east", "degree_east", "x"),
-}
-"""Standard names, names, units or axes by which coordinates are recognised, in lower case."""
-
-LEVEL = {"current": 0.0, "wind": 10.0}
-"""The depth or height in metres that is read, or the nearest one."""
-
-METRES_PER_SECOND = "m s-1", "m/s", "m s^-1", "m.s-1", "ms-1", "m s**-1", "meter second-1", "1"
-
-WITHIN = 3.0  # degrees of latitude around the position that are read
 MOST_OUTSIDE = 0.01  # the largest share of points off the field; they get the values at its edge
-
-
-class Axis(NamedTuple):
-    """An axis of a file: which dimension it is, its values, and those that are read.
-
-    Attributes:
-        dimension: the number of the dimension.
-        values: those that are read, increasing: float64, (n,).
-        order: the indices of these values along the dimension.
-    """
-
-    dimension: int
-    values: Floats
-    order: Ints
-
-
-class Located(NamedTuple):
-    """Where points lie on an axis: the index before each, and the share of the way to the next."""
-
-    before: Ints
-    share: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Field(Flow):
-    """A velocity at times and points, linear in between.
+    """A velocity at times and points.
+
+    It is linear in space. In time it is a cubic through the values of the file, whose slope at each
+    is that from the value before to the one after (E. Catmull, R. Rom, A class of local
+    interpolating splines, 1974): hourly values lose some thousandths of a tide.
 
     Attributes:
         path: the file.
         model: its title, or else its name.
         times: in seconds since 1970, increasing: float64, (T,).
-        latitudes: in degrees, increasing: float64, (Y,).
-        longitudes: in degrees, increasing, on both sides of the position: float64, (X,).
-        values: to the east and to the north in m/s, and 1; all 0 where nothing is known, on land:
-            float32, (T, Y * X, 3).
+        ends: the first and the last time of the file, in seconds since 1970.
+        table: where points lie on the grid.
+        values: along the grid's rows and columns, or to the east and to the north, in m/s, and 1;
+            all 0 where nothing is ever known, on land: float32, (members, T, Y * X, 3).
     """
 
     path: Path
     model: str
     times: Floats
-    latitudes: Floats
-    longitudes: Floats
+    ends: tuple[float, float]
+    table: PlaneTable
     values: Singles
 
     @classmethod
@@ -90,32 +49,29 @@ class Field(Flow):
         """Read the part of a file around the origin; `kind` is "current" or "wind".
 
         Raises:
-            ImportError: netCDF4 is missing.
-            ValueError: the file has no such field, not on regular axes, or none at the origin.
+            ImportError: a package that reads the file is missing.
+            ValueError: the file has no such field, one that is not understood, or none at the
+                origin.
         """
-        with opened(path) as data:
-            components = []
-            for variable in _components(path, data, kind):
-                unit = getattr(variable, "units", "m/s")
-                if unit.lower() not in METRES_PER_SECOND:
-                    raise ValueError(f"{kind} must be in m/s, got {variable.name} in {unit}")
-                axes, values = _around(path, data, variable, kind, origin.position)
-                components.append(values)
-            title = getattr(data, "title", "") or getattr(data, "source", "") or path.name
-        is_known = np.all(np.isfinite(components), axis=0)
-        east, north = np.where(is_known, components, 0.0)
-        stacked = np.stack([east, north, is_known], axis=-1).astype(np.float32)
-        time, latitude, longitude = axes
+        forecast = read_forecast(path, kind, origin.position, origin.time)
+        table = plane_table(forecast.latitudes, forecast.longitudes, origin.plane)
+        if not forecast.along_grid:
+            table = replace(table, directions=None)
+        values = _filled(forecast.values)
         field = cls(
             kind,
             origin,
             path=path,
-            model=printable(title),
-            times=time.values,
-            latitudes=latitude.values,
-            longitudes=longitude.values,
-            values=stacked.reshape(len(stacked), -1, 3),
+            model=forecast.title,
+            times=forecast.times,
+            ends=(forecast.first, forecast.last),
+            table=table,
+            values=values.reshape(*values.shape[:2], -1, 3),
         )
+        if table.is_beyond(np.zeros((2, 1))).any():
+            raise ValueError(
+                f"{kind} must cover the position, {origin.position}, but {path} does not"
+            )
         if np.isnan(field.velocity(0.0, np.zeros((2, 1)))).any():
             raise ValueError(
                 f"position must be at sea, but {path} has no {kind} at {origin.position}"
@@ -134,175 +90,135 @@ class Field(Flow):
         return True
 
     @property
+    def members(self) -> int:
+        return len(self.values)
+
+    @property
     def hours(self) -> str:
         """The first and the last time."""
-        first, last = (datetime.fromtimestamp(time, timezone.utc) for time in self.times[[0, -1]])
+        first, last = (datetime.fromtimestamp(time, timezone.utc) for time in self.ends)
         return f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
 
     def moved(self, origin: Origin) -> Field:
-        if origin.position == self.origin.position:
-            return replace(self, origin=origin)
+        if origin == self.origin:
+            return self
         return Field.read(self.path, self.kind, origin)
 
     def as_typed(self, folder: str) -> str:
         return os.path.relpath(self.path, folder)
 
     def described(self, clock: Clock) -> str:
-        return f"{self.kind} of {self.model}, {self.hours}"
+        members = f", {self.members} members" if self.members > 1 else ""
+        return f"{self.kind} of {self.model}, {self.hours}{members}"
+
+    def check_times(self, until: datetime) -> None:
+        begin = self.origin.time.timestamp()
+        if not self.ends[0] <= begin or not until.timestamp() <= self.ends[1]:
+            raise ValueError(
+                f"{self.kind} must cover the drift, from {self.origin.time:%Y-%m-%d %H:%M} to "
+                f"{until:%Y-%m-%d %H:%M} UTC, but {self.path} covers only {self.hours}"
+            )
 
     def check_within(self, times: float | Floats, points: Floats) -> None:
-        time, latitude, longitude = self._coordinates(times, points)
-        outside = (
-            _is_beyond(time, self.times)
-            | _is_beyond(latitude, self.latitudes)
-            | _is_beyond(longitude, self.longitudes)
-        )
-        if np.mean(outside) > MOST_OUTSIDE:
-            south, north = self.latitudes[[0, -1]]
-            west, east = self.longitudes[[0, -1]]
+        if np.mean(self.table.is_beyond(points)) > MOST_OUTSIDE:
             raise ValueError(
-                f"{self.path} must cover the drift, but covers only {self.hours}, latitudes "
-                f"{south:.2f} to {north:.2f} and longitudes {west:.2f} to {east:.2f}"
+                f"{self.kind} must cover the drift, but {self.path} covers only a part of the area"
             )
 
-    def _coordinates(self, times: float | Floats, points: Floats) -> tuple[Any, Floats, Floats]:
-        """Times in seconds since 1970, latitudes, and longitudes near those of the field."""
-        latitude, longitude = self.origin.plane.degrees(points.T).T
-        middle = self.longitudes.mean()
-        nearest = (longitude - middle + 180) % 360 - 180 + middle
-        return np.asarray(self.origin.time.timestamp() + times), latitude, nearest
-
-    def _towards(self, times: float | Floats, points: Floats) -> Floats:
+    def _towards(self, times: float | Floats, points: Floats, members: Ints | None) -> Floats:
         """The velocity to the east and to the north; off the field, that at its edge."""
-        given_times, latitudes, longitudes = self._coordinates(times, points)
-        time = _located(given_times, self.times)
-        row = _located(latitudes, self.latitudes)
-        column = _located(longitudes, self.longitudes)
+        rows, columns = self.table.shape
+        at_row, at_column = self.table.cells_at(points)
+        row = np.clip(at_row, 0, rows - 1)
+        column = np.clip(at_column, 0, columns - 1)
+        before_row = np.minimum(row.astype(np.int64), rows - 2)
+        before_column = np.minimum(column.astype(np.int64), columns - 2)
+        up = row - before_row
+        right = column - before_column
+        corner = np.array([0, 1, columns, columns + 1])[:, None]
+        in_space = np.stack(
+            [(1 - up) * (1 - right), (1 - up) * right, up * (1 - right), up * right]
+        )
 
-        layers: list[tuple[Any, Any, Any]]  # values, the first index, the share
-        if time.before.ndim == 0:  # for many points, it pays to interpolate the whole field in time
-            now = self.values[time.before] * (1 - time.share)
-            now = now + self.values[time.before + 1] * time.share
-            layers = [(now, 0, 1.0)]
-        else:
-            flat = self.values.reshape(-1, 3)
-            size = self.values.shape[1]
-            layers = [
-                (flat, time.before * size, 1 - time.share),
-                (flat, (time.before + 1) * size, time.share),
-            ]
-        total = np.zeros((1, 3), np.float32)
-        width = len(self.longitudes)
-        for values, first, share in layers:
-            for down, in_row in ((0, 1 - row.share), (1, row.share)):
-                for right, in_column in ((0, 1 - column.share), (1, column.share)):
-                    index = first + (row.before + down) * width + column.before + right
-                    weight = (share * in_row * in_column)[:, None].astype(np.float32)
-                    total = total + weight * values.take(index, axis=0)
-        east, north, known = np.asarray(total, np.float64).T
+        values, begin, in_time = self._at_times(times, members)
+        index = begin[:, None] + (before_row * columns + before_column + corner)  # (k, 4, n)
+        shares = (in_time[:, None] * in_space).astype(np.float32)
+        total = (shares[..., None] * values.take(index, axis=0)).sum(axis=(0, 1))
+        along_row, along_column, known = np.asarray(total, np.float64).T
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.where(known >= 0.5, [east, north] / known, np.nan)
+            velocity = np.where(known >= 0.5, [along_row, along_column] / known, np.nan)
+        return self.table.turned(velocity, points)
+
+    def _at_times(
+        self, times: float | Floats, members: Ints | None
+    ) -> tuple[Singles, Ints, Floats]:
+        """Values by cell, (..., 3); the index of the first cell of a time, and the time's share.
+
+        Both are (k, n) or (k, 1).
+        """
+        at = np.asarray(self.origin.time.timestamp() + times)
+        indices, shares = _cubic(at, self.times)
+        cells = self.values.shape[2]
+        fields = self._mean if members is None else self.values
+        of_member = np.zeros(1, np.int64) if members is None else members * cells
+        if at.ndim == 0:  # for many points, it pays to interpolate all fields in time first
+            now = np.zeros_like(fields[:, 0])
+            for index, share in zip(indices.tolist(), shares.astype(np.float32), strict=True):
+                now += share * fields[:, index]
+            return now.reshape(-1, 3), of_member[None], np.ones((1, 1))
+        begin = of_member * len(self.times) + indices * cells
+        return fields.reshape(-1, 3), begin, shares
+
+    @cached_property
+    def _mean(self) -> Singles:
+        """The mean of all members: (1, T, Y * X, 3)."""
+        mean: Singles = self.values.mean(axis=0, keepdims=True, dtype=np.float32)
+        return mean
 
 
-def _is_beyond(values: Any, axis: Floats) -> Any:
-    """Whether values lie beyond an axis."""
-    return (values < axis[0] - 1e-6) | (values > axis[-1] + 1e-6)
+def _filled(values: Singles) -> Singles:
+    """The components and 1, (members, T, Y, X, 3); 0 on land, where values are never known.
+
+    A cell that is dry at some times keeps the last value that is known, or the next one.
+    """
+    known: Flags = np.all(np.isfinite(values), axis=0)
+    at_sea = known.any(axis=(0, 1))
+    whole = np.where(known, values, 0.0).astype(np.float32)
+    gaps = at_sea & ~known
+    if gaps.any():
+        steps = np.arange(known.shape[1])[:, None, None]
+        last = np.maximum.accumulate(np.where(known, steps, -1), axis=1)
+        after = np.where(known, steps, known.shape[1])[:, ::-1]
+        following = np.minimum.accumulate(after, axis=1)[:, ::-1]
+        taken = np.clip(np.where(last >= 0, last, following), 0, known.shape[1] - 1)
+        whole = np.take_along_axis(whole, np.broadcast_to(taken, whole.shape), axis=2)
+    ones = np.broadcast_to(at_sea, known.shape)
+    filled: Singles = np.stack([*whole, ones], axis=-1).astype(np.float32)
+    return filled
 
 
-def _located(values: Any, axis: Floats) -> Located:
-    index = np.interp(values, axis, np.arange(len(axis)))
-    before = np.minimum(index.astype(np.int64), len(axis) - 2)
-    return Located(before, index - before)
+def _cubic(times: Any, axis: Floats) -> tuple[Ints, Any]:
+    """The four times around each time, (4, ...), and their shares in a Catmull-Rom spline.
 
-
-def _components(path: Path, data: Any, kind: str) -> list[Any]:
-    """The variables of a file to the east and to the north, by their standard names."""
-    named: dict[str, list[Any]] = {}
-    for variable in data.variables.values():
-        name = getattr(variable, "standard_name", variable.name)
-        named.setdefault(name, []).append(variable)
-    pairs = [pair for pair in NAMES[kind] if all(name in named for name in pair)]
-    if len(pairs) != 1 or any(len(named[name]) > 1 for name in pairs[0]):
-        got = [f"{v.name} ({name})" for name, found in named.items() for v in found]
-        raise ValueError(
-            f"{kind} must be a file with one variable of the standard name "
-            f"{' and one of '.join(NAMES[kind][0])}, got {path} with {', '.join(got)}"
-        )
-    return [named[name][0] for name in pairs[0]]
-
-
-def _around(
-    path: Path, data: Any, variable: Any, kind: str, position: Pair
-) -> tuple[list[Axis], Floats]:
-    """The axes of time, latitude and longitude around a position, and a variable's values there."""
-    for name in variable.dimensions:
-        check_size(path, name, len(data.dimensions[name]))
-    numbers, index = _dimensions(data, variable, kind)
-    axes = _axes(data, variable, numbers, kind, position)
-    for axis in axes:
-        index[axis.dimension] = slice(int(axis.order.min()), int(axis.order.max()) + 1)
-    size = math.prod(part.stop - part.start for part in index)
-    check_size(path, variable.name, size)
-    read = np.ma.filled(variable[tuple(index)].astype(np.float64), np.nan)
-    read = np.moveaxis(read, [axis.dimension for axis in axes], range(3))
-    read = read.reshape([int(np.ptp(axis.order)) + 1 for axis in axes])
-    return axes, read[np.ix_(*(axis.order - axis.order.min() for axis in axes))]
-
-
-def _dimensions(data: Any, variable: Any, kind: str) -> tuple[dict[str, int], list[slice]]:
-    """The dimension of each role in `AXES`, and an index with the level of all others."""
-    numbers: dict[str, int] = {}
-    index = [slice(0, 1)] * variable.ndim
-    for number, name in enumerate(variable.dimensions):
-        if name not in data.variables:
-            continue
-        axis = data.variables[name]
-        role = _role(name, axis)
-        if role is not None:
-            numbers[role] = number
-        elif len(axis) > 1:  # the level nearest to the usual one
-            level = int(np.abs(np.abs(np.ma.filled(axis[:])) - LEVEL[kind]).argmin())
-            index[number] = slice(level, level + 1)
-    if len(numbers) < len(AXES):
-        raise ValueError(
-            f"{kind} must be on axes of time, latitude and longitude, got {variable.name} on "
-            f"{', '.join(variable.dimensions)}"
-        )
-    return numbers, index
-
-
-def _role(name: str, axis: Any) -> str | None:
-    """What a coordinate stands for, one of `AXES`; None for anything else."""
-    given = (name, getattr(axis, "standard_name", ""), getattr(axis, "units", ""))
-    marks = {str(text).lower() for text in given}
-    for role, known in AXES.items():
-        if marks.intersection(known):
-            return role
-    return None
-
-
-def _axes(
-    data: Any, variable: Any, numbers: dict[str, int], kind: str, position: Pair
-) -> list[Axis]:
-    """The axes of time, latitude and longitude, as far as they are read."""
-    by_role = {
-        role: data.variables[variable.dimensions[number]] for role, number in numbers.items()
-    }
-    time = by_role["time"]
-    axes = [Axis(numbers["time"], since_1970(time[:], time), np.arange(len(time)))]
-    latitude, longitude = position
-    wider = WITHIN / np.cos(np.radians(latitude))
-    for role, middle, within in (("latitude", latitude, WITHIN), ("longitude", longitude, wider)):
-        axis = by_role[role]
-        degrees = np.ma.filled(axis[:].astype(np.float64))
-        if role == "longitude":  # those next to that of the position
-            degrees = (degrees - middle + 180.0) % 360.0 - 180.0 + middle
-        ordered, near = np.unique(degrees, return_index=True)
-        near = near[np.abs(ordered - middle) <= within]
-        if len(near) < 2 or not degrees[near[0]] <= middle <= degrees[near[-1]]:
-            raise ValueError(
-                f"{kind} must cover the position, {position}, but {axis.name} of the file goes "
-                f"from {degrees.min():.2f} to {degrees.max():.2f}"
-            )
-        axes.append(Axis(numbers[role], degrees[near], near))
-    return axes
+    At the ends, the slope is that to the next time.
+    """
+    last = len(axis) - 1
+    clipped = np.clip(times, axis[0], axis[-1])
+    here = np.clip(axis.searchsorted(clipped, side="right") - 1, 0, last - 1)
+    indices = np.stack([np.maximum(here - 1, 0), here, here + 1, np.minimum(here + 2, last)])
+    before, begin, end, after = axis[indices]
+    length = end - begin
+    s = (clipped - begin) / length
+    at_begin = 2 * s**3 - 3 * s**2 + 1
+    at_end = 1 - at_begin
+    slope_at_begin = (s**3 - 2 * s**2 + s) * length / (end - before)
+    slope_at_end = (s**3 - s**2) * length / (after - begin)
+    shares = np.stack(
+        [
+            -slope_at_begin,
+            at_begin - slope_at_end,
+            at_end + slope_at_begin,
+            slope_at_end,
+        ]
+    )
+    return indices, shares

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Floats, Pair
+from DroneSwarmSearch._internal.arrays import Floats, Ints, Pair
 from DroneSwarmSearch.geo.plane import EQUATOR, TangentPlane
 from DroneSwarmSearch.geo.times import DAY
 from DroneSwarmSearch.geo.units import KNOT
@@ -74,17 +74,25 @@ class Flow(ABC):
         """Whether it differs between positions."""
         return False
 
-    def velocity(self, times: float | Floats, points: Floats) -> Floats:
+    @property
+    def members(self) -> int:
+        """The number of members of an ensemble; 1 for anything else."""
+        return 1
+
+    def velocity(
+        self, times: float | Floats, points: Floats, members: Ints | None = None
+    ) -> Floats:
         """The velocity along the axes of the plane, in m/s.
 
         Args:
             times: in seconds, one for all points or one for each.
             points: (east, north) in metres on the plane: (2, n).
+            members: of an ensemble, from 0, for each point; by default their mean.
 
         Returns:
             (east, north), (2, n), or (2, 1) if all are equal; NaN on land.
         """
-        east, north = self._towards(times, points)
+        east, north = self._towards(times, points, members)
         # North is towards the pole, which is another direction elsewhere on the plane.
         turned = self._turning * points[0]
         return np.array([east - turned * north, north + turned * east])
@@ -115,7 +123,7 @@ class Flow(ABC):
         return hash(self._key())
 
     @abstractmethod
-    def _towards(self, times: float | Floats, points: Floats) -> Floats:
+    def _towards(self, times: float | Floats, points: Floats, members: Ints | None) -> Floats:
         """The velocity to the east and to the north, (2, n) or (2, 1), as in `velocity`."""
 
     # Other flows.
@@ -197,7 +205,7 @@ class Constant(Flow):
     def _key(self) -> tuple[object, ...]:
         return self.kind, self.origin, self.vector
 
-    def _towards(self, times: float | Floats, points: Floats) -> Floats:
+    def _towards(self, times: float | Floats, points: Floats, members: Ints | None) -> Floats:
         return np.array(self.vector)[:, None]
 
     def moved(self, origin: Origin) -> Constant:
@@ -238,7 +246,7 @@ class Series(Flow):
         """The times, and the components at these: (2, times)."""
         return list(self.vectors), np.array(list(self.vectors.values())).T
 
-    def _towards(self, times: float | Floats, points: Floats) -> Floats:
+    def _towards(self, times: float | Floats, points: Floats, members: Ints | None) -> Floats:
         known, components = self._columns
         wanted = np.atleast_1d(times)
         return np.stack([np.interp(wanted, known, component) for component in components])

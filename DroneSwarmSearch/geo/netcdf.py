@@ -1,8 +1,8 @@
-"""NetCDF files of the CF conventions: opening them, and their sizes and times."""
+"""Files of the CF conventions, opened with xarray: their sizes and times."""
 
 from __future__ import annotations
 
-from datetime import timezone
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.extras import needed
 
 MOST_VALUES = 2**27  # of a variable, 1 GiB as float64; small files may unpack to much more
+REASON = "files of the CF conventions need the package"
 
 
 class TooLargeError(ValueError):
@@ -27,25 +28,46 @@ def check_size(path: Path, name: str, size: int) -> None:
         )
 
 
-def opened(path: Path) -> Any:
-    """A NetCDF file, to read and close."""
-    netcdf = needed("netCDF4", "reading NetCDF needs the package netCDF4", "tracks")
+def opened(path: Path, **options: Any) -> Any:
+    """A NetCDF file as a dataset of xarray, to read and close; times are as they are stored.
+
+    Raises:
+        ImportError: a package is missing.
+        ValueError: the file is no NetCDF file.
+    """
+    xarray = needed("xarray", f"{REASON} xarray", "tracks")
+    needed("netCDF4", f"{REASON} netCDF4", "tracks")
+    given = {"decode_times": False, **options}
     try:
-        return netcdf.Dataset(path)
-    except OSError as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of several fill values, and times without calendar
+            return xarray.open_dataset(path, engine="netcdf4", **given)
+    except (OSError, ValueError) as error:
         raise ValueError(f"{path} must be a NetCDF file, got another: {error}") from None
 
 
-def since_1970(values: Any, time: Any) -> Floats:
-    """Values of the variable `time` in seconds since 1970; CF times have no zone, so mean UTC."""
-    import netCDF4
+def since_1970(time: Any) -> Floats:
+    """A variable of times, as it is stored, in seconds since 1970; without a zone, they mean UTC.
 
-    calendar = getattr(time, "calendar", "standard")
-    dates: Any = netCDF4.num2date(
-        values,
-        time.units,
-        calendar,
-        only_use_cftime_datetimes=False,
-        only_use_python_datetimes=True,
-    )
-    return np.array([date.replace(tzinfo=timezone.utc).timestamp() for date in np.ma.filled(dates)])
+    Raises:
+        ValueError: it has no unit, or is of another calendar than the usual one.
+    """
+    xarray = needed("xarray", f"{REASON} xarray", "tracks")
+    decoded = xarray.conventions.decode_cf_variable("time", xarray.Variable(*_parts(time)))
+    return seconds_of(decoded)
+
+
+def _parts(time: Any) -> tuple[Any, Any, Any]:
+    return time.dims, time.values, time.attrs
+
+
+def seconds_of(times: Any) -> Floats:
+    """Decoded times in seconds since 1970.
+
+    Raises:
+        ValueError: they are of another calendar than the usual one.
+    """
+    if not np.issubdtype(times.dtype, np.datetime64):
+        raise ValueError(f"times must be of the usual calendar, got {times.dtype}")
+    seconds: Floats = times.values.astype("datetime64[ns]").astype(np.int64) / 1e9
+    return seconds

@@ -16,12 +16,13 @@ from DroneSwarmSearch._internal.files import csv_rows
 from DroneSwarmSearch.geo import units
 from DroneSwarmSearch.geo.fields import Field
 from DroneSwarmSearch.geo.flows import Constant, Flow, Origin, Series, time_in_words
+from DroneSwarmSearch.geo.forecast_files import GRIB, NETCDF
 from DroneSwarmSearch.geo.times import is_clock, near
 
 FASTEST = {"wind": 60.0, "current": 5.0}
 """In m/s; beyond, a figure was probably given in another unit."""
 
-FILES = (".csv", ".nc", ".nc4", ".cdf")  # by which winds and currents in files are recognised
+FILES = (".csv", *NETCDF, *GRIB)  # by which winds and currents in files are recognised
 
 
 def read_flow(kind: str, value: object, origin: Origin) -> Flow:
@@ -35,7 +36,7 @@ def read_flow(kind: str, value: object, origin: Origin) -> Flow:
         origin: where its metres and when its seconds begin.
 
     Raises:
-        ImportError: a model's file needs netCDF4.
+        ImportError: a package that reads a model's file is missing.
         TypeError, ValueError: the value is of no such form, too fast, or the file is unsuitable.
     """
     if isinstance(value, Flow):

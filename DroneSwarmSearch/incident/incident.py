@@ -47,6 +47,9 @@ LONGEST_DRIFT = timedelta(hours=72)
 FLOWS = ("wind", "current")
 COASTS = (GSHHG, NONE)
 
+ERRORS = {"wind_error": 2.0, "current_error": 0.13}
+"""The usual errors of flows that are not ensembles."""
+
 IN_TRACKS = ("current", "position_sd", "wind_error", "current_error")
 """What tracks have already: given with them, it would have no effect."""
 
@@ -75,10 +78,11 @@ class Incident:
             an ocean model has no values, there is land, on which persons strand.
         wind_error: the standard deviation along each axis of the error of the wind, constant in an
             incident. By default 2 m/s, the target accuracy of satellite winds (EUMETSAT OSI SAF,
-            wind products); forecasts are no better.
+            wind products); forecasts are no better. 0 for a file with an ensemble, whose members
+            are shared out among the persons: their spread is the error.
         current_error: the standard deviation of the error of the current. By default 0.13 m/s: a
             probable error of 0.3 kn, which the IAMSAR Manual (volume II, appendix K) takes where
-            none is known, divided by 1.18.
+            none is known, divided by 1.18. 0 for an ensemble.
         tracks: a file of a drift simulation, see `Tracks.read`, in place of class and current;
             `wind` is then only that on the drones, by default none. Position and time are by
             default the mean of its first positions, and when.
@@ -112,8 +116,8 @@ class Incident:
     object_class: str | None = None
     wind: Flow = None  # type: ignore[assignment]
     current: Flow = (0.0, 0.0)  # type: ignore[assignment]  # read below
-    wind_error: float = 2.0
-    current_error: float = 0.13
+    wind_error: float = None  # type: ignore[assignment]
+    current_error: float = None  # type: ignore[assignment]
     tracks: str | None = None
     coast: str = GSHHG
     start: datetime = None  # type: ignore[assignment]
@@ -242,7 +246,11 @@ def _names_file(name: str, value: str) -> bool:
 def _checked(given: dict[str, Any]) -> dict[str, Any]:
     """The values of an incident in their plain forms, from what was given."""
     values = {**given, **_object(given), "coast": _coast(given["coast"])}
-    values |= {name: kind.read(name, given[name]) for name, kind in QUANTITIES.items()}
+    values |= {
+        name: kind.read(name, given[name])
+        for name, kind in QUANTITIES.items()
+        if given[name] is not None or name not in ERRORS
+    }
     values["drones"] = checks.integer("drones", given["drones"], 1, 50)
     name = "probability_of_detection"
     values[name] = checks.real(name, given[name], 0, 1)
@@ -253,11 +261,14 @@ def _checked(given: dict[str, Any]) -> dict[str, Any]:
         )
     values |= _positions_and_times(values)
     origin = Origin(values["position"], values["time"])
-    landed = values["start"] + timedelta(seconds=values["endurance"])
+    landed = values["start"] + timedelta(seconds=values["endurance"] - values["reserve"])
     for name in FLOWS:
         flow = read_flow(name, values[name], origin)
         flow.check_times(landed)
         values[name] = flow
+        error = f"{name}_error"
+        if values[error] is None:
+            values[error] = ERRORS[error] if flow.members == 1 else 0.0
     if values["tracks"] is not None:
         _check_tracks_alone(values, given)
     values["flown"] = _flown(values)
@@ -304,7 +315,7 @@ def _object(given: dict[str, Any]) -> dict[str, Any]:
 def _check_tracks_alone(values: dict[str, Any], given: dict[str, Any]) -> None:
     """Refuse values that tracks have already: given, they would have no effect."""
     is_still = values["current"].vectors_from(0.0) == {0.0: (0.0, 0.0)}
-    usual = {each.name: each.default for each in fields(Incident)}
+    usual = {each.name: each.default for each in fields(Incident)} | ERRORS
     for name in IN_TRACKS:
         is_usual = is_still if name == "current" else values[name] == usual[name]
         if not is_usual:

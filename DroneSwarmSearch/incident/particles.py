@@ -240,6 +240,7 @@ class _Drifting:
         self._position = self._starts(incident.position_sd)
         self._wind_off = self._rng.normal(0.0, incident.wind_error, (2, n))
         self._current_off = self._rng.normal(0.0, incident.current_error, (2, n))
+        self._members = np.arange(n)
         self._along = self._downwind_errors()
         self._side = np.arange(n) % 2  # 0: right of the wind
         self._across = self._rng.normal(size=n)
@@ -270,7 +271,8 @@ class _Drifting:
         """(east, north) in m/s, (2, n); NaN on land."""
         self._wind.check_within(time, position)
         self._current.check_within(time, position)
-        blown = self._wind.velocity(time, position) + self._wind_off
+        blown = self._wind.velocity(time, position, self._members % self._wind.members)
+        blown = blown + self._wind_off
         speed = np.hypot(*blown)
         downwind = blown / np.maximum(speed, 1e-9)
         slope, offset, _ = self._kind.downwind
@@ -280,7 +282,9 @@ class _Drifting:
         right = (a + s * self._across / 20) * speed + b + s * self._across / 2
         to_the_right = downwind[::-1] * [[1], [-1]]
         leeway_velocity: Floats = (down * downwind + right * to_the_right) / 100
-        return leeway_velocity + self._current.velocity(time, position) + self._current_off
+        members = self._members % self._current.members
+        current = self._current.velocity(time, position, members)
+        return leeway_velocity + current + self._current_off
 
     def at_times(self, times: Floats, step: float) -> Particles:
         """The persons at regular times, in seconds, the first at least 0."""

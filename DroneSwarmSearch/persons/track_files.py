@@ -19,6 +19,9 @@ USUAL = {"lon": "longitude", "lat": "latitude"}  # names of variables without a 
 FASTEST = 15.0  # m/s, along each axis; nothing drifts so fast
 FAR = 1.0  # degrees from (0, 0), at which other tracks make one there a mistake
 
+SECONDS_IN = {"second": 1.0, "minute": 60.0, "min": 60.0, "hour": 3600.0, "day": 86400.0}
+"""Units of time by their names without a final s; others are shorter."""
+
 MOST_LOST = 0.1  # the largest share of lost tracks: nobody knows what became of them
 
 
@@ -97,7 +100,7 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
             seconds, degrees, stranded = _variables(path, data, step)
         except TooLargeError:
             raise
-        except (AttributeError, KeyError, RuntimeError, TypeError, ValueError):
+        except (AttributeError, KeyError, OverflowError, RuntimeError, TypeError, ValueError):
             raise ValueError(_refusal(path, data)) from None
     back = np.flatnonzero(np.diff(seconds) <= 0)
     if len(back):
@@ -116,7 +119,7 @@ def _read(path: Path, step: float = np.inf) -> tuple[Floats, Floats, Flags]:
 def _named(data: Any) -> dict[str, Any]:
     """The variables of a file by standard name, or by usual name."""
     return {
-        getattr(variable, "standard_name", USUAL.get(key, key)): variable
+        variable.attrs.get("standard_name", USUAL.get(key, key)): variable
         for key, variable in data.variables.items()
     }
 
@@ -127,29 +130,28 @@ def _variables(path: Path, data: Any, step: float) -> tuple[Floats, Floats, Flag
     longitude = named["longitude"]
     latitude = named["latitude"]
     time = named["time"]
-    for variable in data.variables.values():
-        check_size(path, variable.name, variable.size)
-    (when,) = time.dimensions
-    across = longitude.dimensions.index(when)
+    for name, variable in data.variables.items():
+        check_size(path, name, variable.size)
+    (when,) = time.dims
+    across = longitude.dims.index(when)
     if time.dtype.kind == "f":
         _check_precision(path, time, step)
-    both = [values[:].astype(np.float64) for values in (longitude, latitude)]
-    filled = [np.ma.filled(values, np.nan) for values in both]
-    degrees: Floats = np.stack(filled).transpose(0, across + 1, 2 - across)
+    both = [values.values.astype(np.float64) for values in (longitude, latitude)]
+    degrees: Floats = np.stack(both).transpose(0, across + 1, 2 - across)
     stranded = np.zeros(degrees.shape[2], np.bool_)
     status: Any = data.variables.get("status")
-    meanings = getattr(status, "flag_meanings", "").split()
-    if "stranded" in meanings and status.dimensions == longitude.dimensions:
-        code = np.atleast_1d(status.flag_values)[meanings.index("stranded")]
-        stranded = np.any(np.ma.getdata(status[:]) == code, axis=across)
-    return since_1970(time[:], time), degrees, stranded
+    meanings = [] if status is None else status.attrs.get("flag_meanings", "").split()
+    if "stranded" in meanings and status.dims == longitude.dims:
+        code = np.atleast_1d(status.attrs["flag_values"])[meanings.index("stranded")]
+        stranded = np.any(status.values == code, axis=across)
+    return since_1970(time), degrees, stranded
 
 
 def _check_precision(path: Path, time: Any, step: float) -> None:
     """Warn if floats keep times less precisely than a step, in seconds."""
-    last = np.abs(time[:]).max()
-    ends = np.array([last, last + np.spacing(last)], np.float64)
-    precision = np.diff(since_1970(ends, time))[0]
+    last = np.abs(time.values).max()
+    unit = time.attrs["units"].split()[0]
+    precision = float(np.spacing(last)) * SECONDS_IN.get(unit.rstrip("s"), 1.0)
     if precision > step:
         warnings.warn(
             f"{path} keeps times as {time.dtype}, to {precision:.0f} s only, and a "
@@ -160,8 +162,9 @@ def _check_precision(path: Path, time: Any, step: float) -> None:
 
 def _refusal(path: Path, data: Any) -> str:
     """What a file must have, and what it has."""
-    got = ", ".join(f"{k}({', '.join(v.dimensions)})" for k, v in data.variables.items())
-    units = getattr(_named(data).get("time"), "units", "no units")
+    got = ", ".join(f"{k}({', '.join(v.dims)})" for k, v in data.variables.items())
+    time = _named(data).get("time")
+    units = "no units" if time is None else time.attrs.get("units", "no units")
     return (
         f"{path} must have variables with the standard names longitude, latitude and time, for "
         "many elements at common times of the usual calendar (time along one dimension, the "
