@@ -365,7 +365,10 @@ def test_a_plan_needs_some_tracks(tmp_path):
 
 def test_a_longer_flight_than_the_tracks(tmp_path, capsys):
     path = drifting(tmp_path / "tracks.nc")
-    assert cli.main(f"plan --tracks {path} --drones 1 --out {tmp_path / 'plan'}".split()) == 0
+    assert (
+        cli.main(f"plan --tracks {path} --drones 1 --seconds 1 --out {tmp_path / 'plan'}".split())
+        == 0
+    )
     text = " ".join(capsys.readouterr().out.split())
     assert "Half an hour more: unknown, beyond the limits of what is given." in text
 
@@ -439,7 +442,12 @@ def test_a_folder_holds_one_plan(plan, small, tmp_path):
 
 @pytest.mark.usefixtures("quick_maps")
 def test_many_drones_then_one(plan, tmp_path):
-    crowd = replace(plan, flights=plan.flights * 3, patterns=plan.patterns * 3)
+    crowd = replace(
+        plan,
+        incident=plan.incident.changed(drones=9),
+        flights=plan.flights * 3,
+        patterns=plan.patterns * 3,
+    )
     write(crowd, tmp_path)
     assert names(tmp_path) >= {"drone9.plan", "map2.png", "map2.svg"}
     one = replace(plan, flights=plan.flights[:1], patterns=plan.patterns[:1])
@@ -540,7 +548,7 @@ def test_the_orders_are_printed_before_the_files_are_written(capsys, tmp_path, m
     def fails(made: FlightPlan, folder: Path) -> None:
         raise OSError(errno.EIO, "broken", str(folder))
 
-    monkeypatch.setattr(command, "plan", lambda incident: plan)
+    monkeypatch.setattr(command, "plan", lambda incident, seconds: plan)
     monkeypatch.setattr(command, "write", fails)
     assert cli.main(["plan", *HERE.split(), "--out", str(tmp_path)]) == 1
     shown = capsys.readouterr()

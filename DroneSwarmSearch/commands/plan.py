@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import re
 import textwrap
+import time
 from dataclasses import fields, replace
 from datetime import timedelta
 from pathlib import Path
@@ -28,6 +29,11 @@ NAMES = {
     "probability_of_detection": "--detection",
 }
 """Options that do not have the names of an incident's values."""
+
+SECONDS = 15.0
+
+AFTERWARDS = 8.0
+"""CPU seconds that figures, alternatives and files take."""
 
 MINUTES = (5, 10, 20, 30, 45, 60, 90, 120)
 
@@ -72,11 +78,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "probability that it finds a person in the strip (0.8)"
     add("--detection", about, "probability_of_detection", type=float, metavar="P")
     add("--endurance", "from take-off to landing (45min)", **words)
-    add("--reserve", "what must be left of the endurance (none)", **words)
+    add("--reserve", "what must be left of the endurance (a fifth of it)", **words)
     add("--base", "where they take off and land (the last known position)", **position)
-    add("--altitude", "of the first one; the others fly 20 m above each other (100m)", **words)
+    add(
+        "--altitude", "of the first one; the others fly 20 m above each other (up to 100m)", **words
+    )
+    add("--ceiling", "above which none flies (120m)", **words)
+    add("--climb", "speed with which they climb and sink (3m/s)", **words)
     group = parser.add_argument_group("the plan")
     add("--out", "the folder to write", metavar="DIR", type=Path, required=True)
+    about = "CPU time in which the plan is improved; a first one takes some seconds (15)"
+    add("--seconds", about, type=float, default=SECONDS, metavar="S")
+    about = "do not compute what one more drone, more time and a stronger wind would change"
+    add("--no-alternatives", about, action="store_true")
 
 
 class _Words(Once):
@@ -93,7 +107,8 @@ def run(options: argparse.Namespace) -> None:
     try:
         incident = _incident(options)
         try_plan_folder(options.out)
-        made = plan(incident)
+        left = options.seconds - AFTERWARDS - time.process_time()
+        made = plan(incident, seconds=max(left, 1.0))
     except (TypeError, ValueError) as error:
         if is_new:
             with contextlib.suppress(OSError):
@@ -102,7 +117,7 @@ def run(options: argparse.Namespace) -> None:
     try:
         print("\n".join(summary(made)), flush=True)
         more = []
-        for alternative in alternatives(made):
+        for alternative in () if options.no_alternatives else alternatives(made):
             print(alternative.sentence, flush=True)
             more.append(alternative)
         made = replace(made, alternatives=tuple(more))
@@ -178,10 +193,13 @@ def summary(made: FlightPlan) -> list[str]:
     if by_minute:
         begin = up_to_the_minute(scene)
         success += f": {', '.join(by_minute)} minutes from {begin:%H:%M} on"
+    if made.incident.flown:
+        success += f". With the earlier flights, {made.cumulative:.0%}"
     paragraphs = [
         made.incident.sentence,
         " ".join(made.earlier),
         f"{success}.",
+        " ".join(made.briefing),
         *made.orders,
         "Assumed: " + " ".join(made.assumptions),
     ]

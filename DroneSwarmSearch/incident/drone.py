@@ -1,4 +1,4 @@
-"""Drones: how they fly along a pattern in the wind, and back in time."""
+"""Drones: how they climb, fly along a pattern in the wind, and come back in time."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.geo.flows import Flow
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.patterns import Pattern
-
-APART = 20.0  # metres of height between drones
 
 WIND_EXPONENT = 0.11
 """Winds over the open sea grow with height z as (z / 10 m)^0.11: S. Hsu, E. Meindl, D. Gilhousen,
@@ -34,6 +32,7 @@ class Drone:
         endurance: seconds from take-off to landing, less the reserve.
         base: where it takes off and lands, (east, north) in metres.
         height: at which it flies above the sea, in metres.
+        climb: with which it climbs there and sinks to land, in m/s.
         flow: the wind at 10 m.
         take_off: in the seconds of the flow.
     """
@@ -43,8 +42,14 @@ class Drone:
     endurance: float
     base: Floats
     height: float
+    climb: float
     flow: Flow
     take_off: float
+
+    @property
+    def climbing(self) -> float:
+        """Seconds from the ground to its height, and from there to the ground."""
+        return self.height / self.climb
 
     @property
     def wind_factor(self) -> float:
@@ -58,7 +63,7 @@ class Drone:
         where nothing is known, there is none.
         """
         velocity = self.flow.velocity(self.take_off + times, points)
-        return np.nan_to_num(velocity) * self.wind_factor
+        return np.where(np.isnan(velocity), 0.0, velocity) * self.wind_factor
 
     def ground_speed(self, wind: Floats, unit: Floats) -> Floats:
         """The speed over the ground along tracks, or NaN where the drone makes no headway.
@@ -81,19 +86,19 @@ class Drone:
         return seconds
 
     def home(self, times: Floats, points: Floats, unit: Floats) -> Floats:
-        """Seconds for the way home at times from points, (2, n), after flying along `unit`.
+        """Seconds to be home at times from points, (2, n), after flying along `unit`, and land.
 
         They are infinite where the drone makes no headway.
         """
         way = self.base[:, None] - points
         length = np.hypot(*way)
         back = np.where(length > 0, way / np.maximum(length, 1e-9), unit)
-        turning = self.turning(unit, back)
-        seconds = turning
+        waits = self.turning(unit, back) + self.climbing
+        seconds = waits
         for _ in range(8):  # the wind half-way
             before = seconds
             wind = self.wind(times + before / 2, points + way / 2)
-            seconds = np.fmin(turning + length / self.ground_speed(wind, back), 2 * self.endurance)
+            seconds = np.fmin(waits + length / self.ground_speed(wind, back), 2 * self.endurance)
             settled = np.abs(seconds - before) < SETTLED
             if settled.all():
                 break
@@ -104,8 +109,8 @@ class Drone:
 
         Returns:
             Seconds after take-off, east and north of each waypoint, from take-off to landing:
-            float64, (n, 3). At a waypoint, the drone first turns. None if it cannot get to the
-            commence search point and back.
+            float64, (n, 3). At a waypoint, the drone first turns; at the first one it climbs, and
+            at the last one it sinks. None if it cannot get to the commence search point and back.
         """
         whole = self._whole(pattern)
         with np.errstate(invalid="ignore"):
@@ -140,7 +145,8 @@ class Drone:
         length = np.hypot(*way)
         unit = way / np.maximum(length, 1e-9)
         times = np.zeros(len(points))
-        turns = np.zeros(len(length))
+        waits = np.zeros(len(length))
+        waits[0] = self.climbing
         for _ in range(2 * len(points)):
             before = times
             middle = (times[:-1] + times[1:]) / 2
@@ -148,12 +154,12 @@ class Drone:
             wind = self.wind(middle, half_way) - drift
             courses = unit * self.ground_speed(wind, unit) + drift
             courses /= np.maximum(np.hypot(*courses), 1e-9)
-            turns[1:] = self.turning(courses[:, :-1], courses[:, 1:])
-            # While the drone turns, the next point moves on.
-            flown = way + drift * turns
+            waits[1:] = self.turning(courses[:, :-1], courses[:, 1:])
+            # While the drone climbs or turns, the next point moves on.
+            flown = way + drift * waits
             length = np.hypot(*flown)
             unit = flown / np.maximum(length, 1e-9)
-            legs = turns + length / self.ground_speed(wind, unit)
+            legs = waits + length / self.ground_speed(wind, unit)
             times = np.append(0.0, np.nan_to_num(legs, nan=np.inf).cumsum())
             times = np.minimum(times, 2 * self.endurance)
             settled = np.abs(times - before) < SETTLED
@@ -161,12 +167,12 @@ class Drone:
                 break
         times[~settled] = 2 * self.endurance  # legs that can only be flown at other times
         with np.errstate(invalid="ignore"):
-            return _Whole(times, points.T + drift * times, courses, turns)
+            return _Whole(times, points.T + drift * times, courses, waits)
 
     def _part_of_leg(self, whole: _Whole, last: int) -> _Part | None:
         """The longest part of the leg after waypoint `last` after which the drone comes home."""
         share = np.linspace(0.0, 1.0, PARTS + 1)[1:-1]
-        begin = whole.times[last] + whole.turns[last]
+        begin = whole.times[last] + whole.waits[last]
         times = begin + share * (whole.times[last + 1] - begin)
         start = whole.points[:, last]
         points = start[:, None] + share * (whole.points[:, last + 1] - start)[:, None]
@@ -181,15 +187,16 @@ class Drone:
 
 @dataclass(frozen=True, eq=False)
 class _Whole:
-    """A flight: times and points of n waypoints, and of each leg its course and the turn before it.
+    """A flight: times and points of n waypoints, and for each leg its course and what comes before.
 
-    Times are (n,), points (2, n), courses (2, n - 1) and turns, in seconds, (n - 1,).
+    Times are (n,), points (2, n), courses (2, n - 1) and waits, the seconds in which the drone
+    climbs or turns before a leg, (n - 1,).
     """
 
     times: Floats
     points: Floats
     courses: Floats
-    turns: Floats
+    waits: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +215,8 @@ def drone_of(incident: Incident, number: int) -> Drone:
         turn=incident.turn,
         endurance=incident.endurance - incident.reserve,
         base=incident.plane.metres(*incident.base),
-        height=incident.altitude + APART * number,
+        height=incident.heights[number],
+        climb=incident.climb,
         flow=incident.wind,
         take_off=incident.seconds(incident.start),
     )

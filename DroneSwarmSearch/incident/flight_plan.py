@@ -2,27 +2,38 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import datetime, timedelta
 from functools import cached_property
+from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.geo.coast import NONE, Land
-from DroneSwarmSearch.geo.units import KNOT
-from DroneSwarmSearch.incident.choice import Guess
+from DroneSwarmSearch.geo.units import KNOT, radioed
 from DroneSwarmSearch.incident.coast import NEAR
 from DroneSwarmSearch.incident.drone import drone_of
-from DroneSwarmSearch.incident.flights import Waypoint, legs_of, track
+from DroneSwarmSearch.incident.families import Boxes, FreePatterns
+from DroneSwarmSearch.incident.flights import (
+    Waypoint,
+    down_to_the_minute,
+    least_distance,
+    legs_of,
+    track,
+    up_to_the_minute,
+)
 from DroneSwarmSearch.incident.incident import Incident
-from DroneSwarmSearch.incident.orders import order_line, order_of
+from DroneSwarmSearch.incident.orders import Order, read_aloud
 from DroneSwarmSearch.incident.particles import Particles
 from DroneSwarmSearch.incident.patterns import Pattern
 
 MARGIN = 0.1  # around everything that files show, as a share of its size
 MENTIONED = 0.005  # the least share of persons who strand that is mentioned
+HOLDS = 2.0  # percentage points that a plan may lose by a late take-off and still holds
 
 
 @dataclass(frozen=True)
@@ -52,6 +63,18 @@ class Alternative:
         return f"{self.name}: {points:+d} {noun}."
 
 
+class Delay(NamedTuple):
+    """What the flights of a plan would find if all drones took off later.
+
+    Attributes:
+        minutes: by how much.
+        points: by how many percentage points the probability of success would change.
+    """
+
+    minutes: int
+    points: float
+
+
 @dataclass(frozen=True, eq=False)
 class FlightPlan:
     """The flights of all drones, from take-off to landing.
@@ -65,7 +88,11 @@ class FlightPlan:
         flights: the waypoints of each drone, in the order of their times.
         particles: the possible persons of all figures; the choice of the patterns has not seen
             them.
-        guesses: the patterns relative to the area, with which a similar plan can begin.
+        points_more: by how many percentage points free patterns find more than adjacent boxes; None
+            if the plan is adjacent boxes.
+        shape: the patterns relative to the area, with which a similar plan can begin: adjacent
+            boxes, or free patterns.
+        delays: what a later take-off would change, in the order of the minutes.
         alternatives: what other values of the incident would change, see `alternatives`.
     """
 
@@ -73,23 +100,24 @@ class FlightPlan:
     patterns: tuple[Pattern, ...] = field(repr=False)
     flights: tuple[list[Waypoint], ...] = field(repr=False)
     particles: Particles = field(repr=False)
-    guesses: tuple[Guess, ...] = field(repr=False)
+    shape: Boxes | FreePatterns = field(repr=False)
+    points_more: float | None = None
+    delays: tuple[Delay, ...] = field(default=(), repr=False)
     alternatives: tuple[Alternative, ...] = field(default=(), repr=False)
 
     # What it finds.
 
+    @property
+    def legs(self) -> Floats:
+        """The legs on which drones search, of all flights, see `flights.legs_of`."""
+        plane = self.incident.plane
+        since = self.incident.time
+        return np.concatenate([legs_of(flight, plane, since) for flight in self.flights])
+
     @cached_property
     def _sweeps(self) -> tuple[Ints, Floats]:
         """Which particle a drone sweeps over, and when, in seconds of the incident."""
-        incident = self.incident
-        particles = []
-        times = []
-        for flight in self.flights:
-            legs = legs_of(flight, incident.plane, incident.time)
-            swept, when = self.particles.sweeps(legs, incident.swath)
-            particles.append(swept)
-            times.append(when)
-        return np.concatenate(particles), np.concatenate(times)
+        return self.particles.sweeps(self.legs, self.incident.swath)
 
     def success(self, by: datetime | None = None) -> float:
         """The probability that the person is found by a time, by default the last landing."""
@@ -162,15 +190,86 @@ class FlightPlan:
 
     def order(self, number: int) -> dict[str, str]:
         """What a drone is ordered, see `orders`; drones count from 0 here, and from 1 in words."""
-        return order_of(number + 1, self.patterns[number], self.flights[number])
+        return self._order_texts[number]
+
+    @cached_property
+    def _order_texts(self) -> list[dict[str, str]]:
+        incident = self.incident
+        texts = []
+        for number, (pattern, flight) in enumerate(zip(self.patterns, self.flights, strict=True)):
+            order = Order(incident, number, pattern, flight)
+            legs = legs_of(flight, incident.plane, incident.time)
+            missed = self.particles.missed(legs, incident.swath, incident.probability_of_detection)
+            texts.append(order.values(*order.found(self.particles, missed)))
+        return texts
 
     @property
     def orders(self) -> list[str]:
         """For each drone, a line that can be read over a radio; drones are numbered from 1."""
-        flights = zip(self.patterns, self.flights, strict=True)
-        return [
-            order_line(drone, pattern, flight) for drone, (pattern, flight) in enumerate(flights, 1)
-        ]
+        return [read_aloud(order) for order in self._order_texts]
+
+    @property
+    def briefing(self) -> list[str]:
+        """What all drones must know, in sentences: the datum, the patterns, and how late is late.
+
+        The datum is the mean position of the persons when the search begins.
+        """
+        mean = self.particles.mean(self.incident.seconds(self.on_scene))
+        datum = radioed(tuple(self.incident.plane.degrees(mean[None])[0].tolist()))
+        scene = up_to_the_minute(self.on_scene)
+        sentences = [f"Datum {datum} at {scene:%H:%M} UTC.", self._family]
+        if self.delays:
+            sentences.append(self._takeoff)
+        return [*sentences, *self._shared_heights]
+
+    @property
+    def _shared_heights(self) -> list[str]:
+        """Which drones share a height, and how far apart they stay."""
+        sentences = []
+        flights = self.flights
+        for height in sorted({flight[0].altitude for flight in flights}):
+            sharing = [n for n, flight in enumerate(flights) if flight[0].altitude == height]
+            if len(sharing) > 1:
+                pairs = combinations(sharing, 2)
+                apart = min(least_distance(flights[a], flights[b]) for a, b in pairs)
+                far = "are never in the air together"
+                if math.isfinite(apart):
+                    far = f"come within {apart:.0f} m of each other"
+                names = " and ".join(str(number + 1) for number in sharing)
+                sentences.append(f"Drones {names} share the height of {height:.0f} m and {far}.")
+        return sentences
+
+    @property
+    def _family(self) -> str:
+        """How the patterns divide the area."""
+        if self.points_more is not None:
+            return (
+                f"Free patterns, which find {self.points_more:.0f} points more than adjacent boxes."
+            )
+        if len(self.flights) == 1:
+            return "One box."
+        return f"{len(self.flights)} adjacent boxes of one rectangle."
+
+    @property
+    def _takeoff(self) -> str:
+        """For which take-off times the plan holds, and what ten minutes cost."""
+        minutes = np.array([delay.minutes for delay in self.delays], np.float64)
+        lost = -np.array([delay.points for delay in self.delays])
+        holding = np.arange(minutes[-1] + 1)
+        is_lost = np.interp(holding, minutes, lost) > HOLDS
+        last = int(is_lost.argmax()) - 1 if is_lost.any() else len(holding) - 1
+        first = up_to_the_minute(self.incident.start)
+        latest = down_to_the_minute(self.incident.start + timedelta(minutes=last))
+        times = f"{first:%H:%M} to {latest:%H:%M}" if latest > first else f"{first:%H:%M}"
+        ten = round(float(np.interp(10.0, minutes, lost)))
+        cost = "costs nothing" if ten <= 0 else f"costs {plural(ten, 'point')}"
+        return f"Holds for take-offs at {times} UTC; a delay of ten minutes {cost}."
+
+    @property
+    def cumulative(self) -> float:
+        """The probability that these or earlier flights find the person."""
+        missed_before = 1.0 - self.particles.found
+        return 1.0 - missed_before * (1.0 - self.probability_of_success)
 
     @property
     def earlier(self) -> list[str]:

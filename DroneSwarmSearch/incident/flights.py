@@ -198,6 +198,25 @@ def track(flight: Flight, plane: TangentPlane) -> Floats:
     return plane.metres([point.latitude for point in flight], [point.longitude for point in flight])
 
 
+def least_distance(flight: Flight, other: Flight) -> float:
+    """The least distance in metres between two drones while both are in the air; or infinity.
+
+    In steps of five seconds.
+    """
+    first = max(flight[0].time, other[0].time)
+    last = min(flight[-1].time, other[-1].time)
+    if first > last:
+        return math.inf
+    times = np.arange(0.0, (last - first).total_seconds() + 1e-6, 5.0)
+    plane = TangentPlane(flight[0].latitude, flight[0].longitude)
+    positions = []
+    for each in (flight, other):
+        seconds = [(point.time - first).total_seconds() for point in each]
+        points = track(each, plane)
+        positions.append(np.array([np.interp(times, seconds, axis) for axis in points.T]))
+    return float(np.hypot(*(positions[0] - positions[1])).min())
+
+
 def legs_of(flight: Flight, plane: TangentPlane, since: datetime) -> Floats:
     """The legs on which a drone searches: seconds, east and north of both ends, (n, 2, 3).
 

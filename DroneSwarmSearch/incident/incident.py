@@ -10,6 +10,8 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Pair
 from DroneSwarmSearch._internal.files import parsed_json, write_text
@@ -29,12 +31,14 @@ QUANTITIES = {
     "position_sd": Quantity(LENGTH, 0, 100_000, "from 0 to 100 km"),
     "swath": Quantity(LENGTH, 1, 10_000, "from 1 m to 10 km"),
     "altitude": Quantity(LENGTH, 0, 10_000, "from 0 to 10 km"),
+    "ceiling": Quantity(LENGTH, 0, 10_000, "from 0 to 10 km"),
     "wind_error": Quantity(SPEED, 0, 60, "from 0 to 60 m/s"),
     "current_error": Quantity(SPEED, 0, 5, "from 0 to 5 m/s"),
     "speed": Quantity(SPEED, 0, 200, "above 0 and at most 200 m/s", is_above_zero=True),
     "endurance": Quantity(TIME, 0, 12 * 3600, "above 0 and at most 12 h", is_above_zero=True),
     "reserve": Quantity(TIME, 0, 12 * 3600, "from 0 to 12 h"),
     "turn": Quantity(TIME, 0, 600, "from 0 to 10 min"),
+    "climb": Quantity(SPEED, 0, 50, "above 0 and at most 50 m/s", is_above_zero=True),
 }
 """What lengths, speeds and durations may be."""
 
@@ -44,11 +48,26 @@ FARTHEST = 100_000.0
 LONGEST_DRIFT = timedelta(hours=72)
 """From the last known position to the take-off; errors of leeway and current grow without end."""
 
+USUAL_RESERVE = 0.2
+"""Of the endurance."""
+
+HEIGHTS_APART = 20.0
+"""Metres between the heights of two drones."""
+
+LOWEST = 20.0
+"""The least height in metres of drones that fly below the given altitude for lack of room above."""
+
+USUAL_ALTITUDE = 100.0
+USUAL_CEILING = 120.0
+
 FLOWS = ("wind", "current")
 COASTS = (GSHHG, NONE)
 
 ERRORS = {"wind_error": 2.0, "current_error": 0.13}
 """The usual errors of flows that are not ensembles."""
+
+DEPENDENT = (*ERRORS, "reserve", "altitude", "ceiling")
+"""Quantities whose default depends on other values."""
 
 IN_TRACKS = ("current", "position_sd", "wind_error", "current_error")
 """What tracks have already: given with them, it would have no effect."""
@@ -97,10 +116,15 @@ class Incident:
         probability_of_detection: that a drone which flies over the person, within the strip, finds
             the person; from 0 to 1.
         endurance: of a drone, from take-off to landing; at most 12 hours.
-        reserve: what must be left of the endurance at the landing.
+        reserve: what must be left of the endurance at the landing, by default a fifth of it.
         base: where the drones take off and land; by default the last known position.
-        altitude: of the first drone above the sea; each further one flies 20 m higher.
+        altitude: of the first drone above the sea; each further one flies 20 m higher, up to the
+            ceiling, and then below the first one. By default 100 m, or less if there is not room
+            for all drones between it and the ceiling.
+        ceiling: above which no drone flies; by default 120 m, the limit for drones in Europe and in
+            the United States, or a higher altitude that is given.
         turn: seconds in which a drone turns by a right angle.
+        climb: the speed with which drones climb after the take-off, and sink to land.
         flown: earlier flights that found nobody, each a `FlownFlight`, see `after`; or the
             waypoints of a flight, flown with this swath and probability of detection.
 
@@ -126,12 +150,15 @@ class Incident:
     swath: float = 200.0
     probability_of_detection: float = 0.8
     endurance: float = 2700.0
-    reserve: float = 0.0
+    reserve: float = None  # type: ignore[assignment]
     base: Pair = None  # type: ignore[assignment]
-    altitude: float = 100.0
+    altitude: float = None  # type: ignore[assignment]
+    ceiling: float = None  # type: ignore[assignment]
     turn: float = 4.0
+    climb: float = 3.0
     flown: tuple[FlownFlight, ...] = ()
     _typed: dict[str, Any] = field(init=False, repr=False, compare=False)
+    _left_out: tuple[str, ...] = field(init=False, repr=False, compare=False)
 
     if TYPE_CHECKING:
 
@@ -143,6 +170,18 @@ class Incident:
             object.__setattr__(self, name, value)
         typed = {name: given[name] for name in ("position", "base") if given[name] is not None}
         object.__setattr__(self, "_typed", typed)
+        left_out = tuple(name for name in DEPENDENT if given[name] is None)
+        object.__setattr__(self, "_left_out", left_out)
+
+    def changed(self, **changes: Any) -> Incident:
+        """The incident with other values; defaults that depend on values are computed anew."""
+        return Incident(**{**self._values, **changes})
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        """All values, but None for those that depend on others and have not been given."""
+        values = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+        return values | dict.fromkeys(self._left_out)
 
     # Where and when.
 
@@ -170,6 +209,12 @@ class Incident:
             ValueError: the file of the coast cannot be read.
         """
         return _land(self.coast, self.position, reach)
+
+    @property
+    def heights(self) -> tuple[float, ...]:
+        """The height of each drone above the sea, in metres; too many drones share heights."""
+        free = levels(self.altitude, self.ceiling)
+        return tuple(free[number % len(free)] for number in range(self.drones))
 
     # In words.
 
@@ -206,8 +251,7 @@ class Incident:
 
     def as_json(self, folder: Path) -> str:
         """The text of a file that will lie in a folder, from which its paths count."""
-        values = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
-        values |= self._typed
+        values = self._values | self._typed
         if self.base == self.position:
             values["base"] = None
         for name in FLOWS:
@@ -230,6 +274,13 @@ class Incident:
         return cls(**{**values, **changes})
 
 
+def levels(altitude: float, ceiling: float) -> list[float]:
+    """The heights at which drones can fly, 20 m apart: up from the altitude, then down from it."""
+    above = np.arange(altitude, ceiling + 1e-6, HEIGHTS_APART)
+    below = np.arange(altitude - HEIGHTS_APART, LOWEST - 1e-6, -HEIGHTS_APART)
+    return [*above.tolist(), *below.tolist()]
+
+
 @lru_cache(maxsize=8)
 def _land(coast: str, position: Pair, reach: float) -> Land | None:
     """`land_around`, kept: plans ask for the same land again and again."""
@@ -249,16 +300,19 @@ def _checked(given: dict[str, Any]) -> dict[str, Any]:
     values |= {
         name: kind.read(name, given[name])
         for name, kind in QUANTITIES.items()
-        if given[name] is not None or name not in ERRORS
+        if given[name] is not None or name not in DEPENDENT
     }
     values["drones"] = checks.integer("drones", given["drones"], 1, 50)
     name = "probability_of_detection"
     values[name] = checks.real(name, given[name], 0, 1)
+    if values["reserve"] is None:
+        values["reserve"] = USUAL_RESERVE * values["endurance"]
     if values["reserve"] >= values["endurance"]:
         raise ValueError(
             f"reserve must be less than the endurance, {values['endurance'] / 60:g} min, got "
             f"{given['reserve']!r}"
         )
+    values |= _heights(values)
     values |= _positions_and_times(values)
     origin = Origin(values["position"], values["time"])
     landed = values["start"] + timedelta(seconds=values["endurance"] - values["reserve"])
@@ -273,6 +327,23 @@ def _checked(given: dict[str, Any]) -> dict[str, Any]:
         _check_tracks_alone(values, given)
     values["flown"] = _flown(values)
     return values
+
+
+def _heights(values: dict[str, Any]) -> dict[str, float]:
+    """The altitude of the first drone and the ceiling, where they are not given."""
+    altitude = values["altitude"]
+    ceiling = values["ceiling"]
+    if ceiling is None:
+        ceiling = max(USUAL_CEILING, altitude or 0.0)
+    if altitude is None:
+        room = HEIGHTS_APART * (values["drones"] - 1)
+        altitude = min(USUAL_ALTITUDE, max(ceiling - room, min(LOWEST, ceiling)))
+    if altitude > ceiling:
+        raise ValueError(
+            f"altitude must be at most the ceiling, {ceiling:g} m, got {altitude:g} m; raise the "
+            "ceiling if drones may fly there"
+        )
+    return {"altitude": altitude, "ceiling": ceiling}
 
 
 def _coast(value: object) -> str:

@@ -1,127 +1,267 @@
-"""What drones are ordered, in the terms of the IAMSAR Manual."""
+"""What drones are ordered, in the terms of the IAMSAR Manual, to be read over a radio."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from DroneSwarmSearch._internal.arrays import Flags, Floats
 from DroneSwarmSearch._internal.text import plural
-from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.geo.units import KNOT, radioed
+from DroneSwarmSearch.incident.drone import drone_of
 from DroneSwarmSearch.incident.flights import (
     Flight,
-    Waypoint,
     course,
     down_to_the_minute,
     track,
     up_to_the_minute,
 )
+from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.particles import Particles
 from DroneSwarmSearch.incident.patterns import PARALLEL, SECTOR, Pattern
 
-CUT = 0.95  # a last leg that is shorter than this share of the first one is mentioned
+SHORT = 50.0  # metres; legs that are shorter are not worth a word
+CUT = 0.95  # a leg that is shorter than this share of the longest one is mentioned
+NOSE = 3.0  # degrees from the track, above which the nose's heading is mentioned
 
 
-def order_of(drone: int, pattern: Pattern, flight: Flight) -> dict[str, str]:
-    """What a drone, numbered from 1, is ordered; "" for what does not apply.
+@dataclass(frozen=True, eq=False)
+class Order:
+    """The order of one drone: its pattern as it is flown, and its box.
 
-    Lengths are those that are flown, headings are courses over the ground, and times are
-    rounded inwards: nobody is there earlier, or lands later.
-    """
-    first, scene, after_scene = flight[:3]
-    legs = Legs.of(pattern, flight)
-    is_sector = pattern.kind == SECTOR
-    speed = math.hypot(*pattern.drift) / KNOT
-    moving = ""
-    if speed:
-        moving = f"{_degrees(math.degrees(math.atan2(*pattern.drift)))} {speed:.1f} kn"
-    return {
-        "drone": f"{drone}",
-        "pattern": pattern.kind,
-        "commence search point": radioed((scene.latitude, scene.longitude)),
-        "first heading": _degrees(course(scene, after_scene)),
-        "radius" if is_sector else "leg length": _length(legs.length),
-        "track spacing": "" if is_sector else f"{pattern.spacing:.0f} m",
-        "first turn": "starboard" if pattern.side > 0 else "port",
-        "legs": f"{legs.number}",
-        "last leg": "" if legs.last is None else f"{legs.last / 1000:.1f} km",
-        "moving": moving,
-        "height": f"{first.altitude:.0f} m",
-        "take-off": f"{up_to_the_minute(first.time):%H:%M}",
-        "on scene": f"{up_to_the_minute(scene.time):%H:%M}",
-        "landing": f"{down_to_the_minute(flight[-1].time):%H:%M}",
-    }
-
-
-def order_line(drone: int, pattern: Pattern, flight: Flight) -> str:
-    """The order in a line that can be read over a radio."""
-    order = order_of(drone, pattern, flight)
-    parts = []
-    for name, text in order.items():
-        if name == "pattern":
-            parts.append(text)
-        elif name == "legs":
-            parts.append(Legs.of(pattern, flight).words)
-        elif text and name != "drone":
-            parts.append(f"{name} {text}")
-    return f"Drone {drone}: {', '.join(parts)} UTC."
-
-
-class Legs(NamedTuple):
-    """The search legs of a flight, without those across to the next track.
+    The box moves with the pattern. It is a rectangle around the tracks, or the circle of a sector
+    search; half a track spacing around the tracks belongs to it.
 
     Attributes:
-        number: how many are flown.
-        tracks: the number of parallel tracks along which they lie; 0 for other patterns.
-        length: the length of one in metres, over the water if the pattern moves.
-        first: that of the first one, if it is shorter, because it begins on land; else None.
-        last: that of the last one, if it is cut short; else None.
+        incident: the incident.
+        number: of the drone, from 0.
+        pattern: what it flies.
+        flight: its waypoints.
     """
 
+    incident: Incident
     number: int
-    tracks: int
-    length: float
-    first: float | None
-    last: float | None
+    pattern: Pattern
+    flight: Flight
 
-    @classmethod
-    def of(cls, pattern: Pattern, flight: Sequence[Waypoint]) -> Legs:
-        """The legs of a flight along a pattern."""
-        plane = TangentPlane(flight[1].latitude, flight[1].longitude)
-        seconds = np.array([(point.time - flight[0].time).total_seconds() for point in flight])
-        over_water = track(flight, plane) - pattern.drift * seconds[:, None]
-        lengths = np.hypot(*np.diff(over_water[1:-1], axis=0).T)
-        if pattern.kind != PARALLEL or not lengths.size:
-            length = float(lengths[0]) if lengths.size else 0.0
-            return cls(number=len(lengths), tracks=0, length=length, first=None, last=None)
-        is_along = pattern.is_along(np.arange(len(lengths)))
-        along = lengths[is_along]
-        length = float(along.max())
-        first = None
-        if is_along[0] and along[0] < CUT * length:
-            first = float(along[0])
-        last = None
-        if len(along) > 1 and is_along[-1] and along[-1] < CUT * length:
-            last = float(along[-1])
-        return cls(
-            number=len(along),
-            tracks=min(pattern.legs, len(along)),
-            length=length,
-            first=first,
-            last=last,
-        )
+    # The flight.
+
+    @cached_property
+    def _seconds(self) -> Floats:
+        """The times of the waypoints, in seconds after the take-off: (n,)."""
+        first = self.flight[0].time
+        return np.array([(point.time - first).total_seconds() for point in self.flight])
+
+    @cached_property
+    def _tracks(self) -> Floats:
+        """The turning points of the search, where they are at take-off if the pattern moves.
+
+        (along the first heading, to its right), in metres: (n, 2).
+        """
+        points = track(self.flight, self.incident.plane)
+        over_water = points - self.pattern.drift * self._seconds[:, None]
+        return self._beside(over_water[1:-1])
+
+    def _beside(self, points: Floats) -> Floats:
+        """Points, (east, north), along and to the right of the first heading, and the reverse."""
+        sin = math.sin(self.pattern.heading)
+        cos = math.cos(self.pattern.heading)
+        beside: Floats = points @ np.array([[sin, cos], [cos, -sin]])
+        return beside
+
+    @cached_property
+    def _lengths(self) -> Floats:
+        """The lengths of the search legs over the water."""
+        lengths: Floats = np.hypot(*np.diff(self._tracks, axis=0).T)
+        return lengths
 
     @property
-    def words(self) -> str:
-        """How many legs there are."""
-        text = plural(self.number, "leg")
-        if 0 < self.tracks < self.number:
-            text += f" on {plural(self.tracks, 'track')}"
-        if self.first is not None:
-            text += f", first leg {self.first / 1000:.1f} km"
+    def reserve(self) -> float:
+        """The seconds of the endurance that are left at the landing."""
+        return self.incident.endurance - float(self._seconds[-1])
+
+    # The box.
+
+    @property
+    def _edges(self) -> tuple[Floats, Floats]:
+        """The least and the largest distances of the tracks along and to the right."""
+        return self._tracks.min(axis=0), self._tracks.max(axis=0)
+
+    @property
+    def corners(self) -> list[str]:
+        """The corners of the rectangle that the tracks span when the drone arrives, as read.
+
+        They follow each other around the rectangle, beginning at the commence search point, which
+        is left out. None for a sector search.
+        """
+        if self.pattern.kind == SECTOR:
+            return []
+        low, high = self._edges
+        start = self._tracks[0]
+        near = np.where(start - low <= high - start, low, high)
+        far = low + high - near
+        corners = np.array([start, near, (far[0], near[1]), far, (near[0], far[1])])
+        metres = self._beside(corners) + self.pattern.drift * self._seconds[1]
+        texts = [radioed(tuple(corner)) for corner in self.incident.plane.degrees(metres)]
+        others = dict.fromkeys(texts[1:])  # in their order, each once
+        others.pop(texts[0], None)
+        return [*others]
+
+    @property
+    def coverage(self) -> float:
+        """The coverage factor: the area of the strips over that of the box."""
+        low, high = self._edges
+        area = float(np.prod(high - low + self.pattern.spacing))
+        if self.pattern.kind == SECTOR:
+            area = math.pi * self.pattern.length**2
+        return self.incident.swath * float(self._lengths.sum()) / area
+
+    def contains(self, points: Floats, seconds: float) -> Flags:
+        """Which points, (east, north), (n, 2), are in the box at some seconds after take-off."""
+        beside = self._beside(points - self.pattern.drift * seconds)
+        if self.pattern.kind == SECTOR:
+            inside: Flags = np.hypot(*(beside - self._tracks[0]).T) <= self.pattern.length
+            return inside
+        low, high = self._edges
+        half = self.pattern.spacing / 2
+        is_within: Flags = (beside >= low - half) & (beside <= high + half)
+        return is_within[:, 0] & is_within[:, 1]
+
+    def found(self, particles: Particles, missed: Floats) -> tuple[float, float]:
+        """The probability of containment, POC, and of detection in the box, POD.
+
+        Args:
+            particles: possible persons.
+            missed: the probability that this drone misses each of them.
+
+        Returns:
+            The share of persons in the box half-way through its search, and the share of those
+            that the drone finds.
+        """
+        half_way = float(self._seconds[1] + self._seconds[-2]) / 2
+        since = (self.flight[0].time - self.incident.time).total_seconds()
+        inside = self.contains(particles.at(since + half_way), half_way)
+        weights = particles.weights * inside
+        contained = float(weights.sum())
+        found = float(weights @ (1.0 - missed))
+        return contained, found / contained if contained else 0.0
+
+    # In words.
+
+    def values(self, contained: float, detected: float) -> dict[str, str]:
+        """The order as names and texts; "" for what does not apply.
+
+        Lengths are those that are flown, and times are rounded inwards: nobody is there earlier, or
+        lands later. `contained` and `detected` are POC and POD.
+        """
+        first, scene, after_scene = self.flight[:3]
+        leaving = self.flight[-2].time
+        landing = self.flight[-1].time
+        is_sector = self.pattern.kind == SECTOR
+        corners = dict(enumerate(self.corners))
+        return {
+            "drone": f"{self.number + 1}",
+            "pattern": self.pattern.kind,
+            "commence search point": radioed((scene.latitude, scene.longitude)),
+            "corner": corners.get(0, ""),
+            "next corner": corners.get(1, ""),
+            "third corner": corners.get(2, ""),
+            "fourth corner": corners.get(3, ""),
+            "first heading": f"{_degrees(course(scene, after_scene))} over the ground",
+            "nose": self._nose,
+            "radius": _length(self.leg_length) if is_sector else "",
+            "leg length": "" if is_sector else _length(self.leg_length),
+            "track spacing": "" if is_sector else f"{self.pattern.spacing:.0f} m",
+            "legs": self.legs,
+            "creep": self._creep,
+            "first turn": "starboard" if self.pattern.side > 0 else "port",
+            "moving": self._moving,
+            "height": f"{first.altitude:.0f} m",
+            "take-off": f"{up_to_the_minute(first.time):%H:%M}",
+            "on scene": f"{up_to_the_minute(scene.time):%H:%M}",
+            "leave": f"{down_to_the_minute(leaving):%H:%M}",
+            "landing": f"{down_to_the_minute(landing):%H:%M}",
+            "reserve at landing": f"{self.reserve // 60:.0f} min",
+            "coverage": f"{self.coverage:.1f}",
+            "POC": f"{contained:.0%}",
+            "POD": f"{detected:.0%}",
+        }
+
+    @property
+    def leg_length(self) -> float:
+        """The length of a leg in metres: of the first one, or of the longest parallel one."""
+        if not self._lengths.size:
+            return 0.0
+        if self.pattern.kind != PARALLEL:
+            return float(self._lengths[0])
+        return float(self._along.max())
+
+    @property
+    def _along(self) -> Floats:
+        """The lengths of a parallel track's legs, without those across to the next one."""
+        along = self._lengths[self.pattern.is_along(np.arange(len(self._lengths)))]
+        return along[:-1] if len(along) > 1 and along[-1] < SHORT else along
+
+    @property
+    def legs(self) -> str:
+        """How many legs are flown, and which are shorter."""
+        if self.pattern.kind != PARALLEL or not self._lengths.size:
+            return plural(len(self._lengths), "leg")
+        along = self._along
+        text = plural(len(along), "leg")
+        if self.pattern.legs < len(along):
+            text += f" on {plural(self.pattern.legs, 'track')}"
+        shortest = CUT * along.max()
+        if along[0] < shortest:
+            text += f", the first {along[0] / 1000:.1f} km"
+        if len(along) > 1 and along[-1] < shortest:
+            text += f", the last {along[-1] / 1000:.1f} km"
         return text
+
+    @property
+    def _nose(self) -> str:
+        """Where the nose points on the first leg, if the wind makes that differ from the track."""
+        scene, after_scene = self.flight[1:3]
+        drone = drone_of(self.incident, self.number)
+        begin, end = track([scene, after_scene], self.incident.plane)
+        seconds = (after_scene.time - scene.time).total_seconds()
+        wind = drone.wind(self._seconds[1:2] + seconds / 2, (begin + end)[:, None] / 2)
+        unit = (end - begin) / max(math.hypot(*(end - begin)), 1e-9)
+        speed = drone.ground_speed(wind, unit[:, None])
+        through_air = (unit[:, None] * speed - wind)[:, 0]
+        heading = math.degrees(math.atan2(*through_air))
+        over_ground = course(scene, after_scene)
+        off = (heading - over_ground + 180) % 360 - 180
+        return _degrees(heading) if abs(off) > NOSE else ""
+
+    @property
+    def _creep(self) -> str:
+        """The direction from one parallel track to the next."""
+        if self.pattern.kind != PARALLEL or self.pattern.legs == 1 or len(self._along) == 1:
+            return ""
+        return _degrees(math.degrees(self.pattern.heading) + 90 * self.pattern.side)
+
+    @property
+    def _moving(self) -> str:
+        """Where the pattern moves, and how fast."""
+        speed = math.hypot(*self.pattern.drift) / KNOT
+        if not speed:
+            return ""
+        return f"{_degrees(math.degrees(math.atan2(*self.pattern.drift)))} {speed:.1f} kn"
+
+
+def read_aloud(order: dict[str, str]) -> str:
+    """An order in a line that can be read over a radio."""
+    parts = []
+    for name, text in order.items():
+        if name in ("pattern", "legs"):
+            parts.append(text)
+        elif text and name != "drone":
+            parts.append(f"{name} {text}")
+    return f"Drone {order['drone']}: {', '.join(parts)}."
 
 
 def _degrees(angle: float) -> str:

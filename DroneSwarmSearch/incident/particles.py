@@ -168,17 +168,18 @@ class _Legs:
         return along, across
 
 
-def simulate(incident: Incident, n: int, seed: int) -> Particles:
+def simulate(incident: Incident, n: int, seed: int, longer: float = 0.0) -> Particles:
     """Possible persons during all flights, weighted by what earlier ones have missed.
 
     Args:
         incident: what is known.
         n: how many, or fewer if there are not so many tracks.
         seed: of the random numbers; 0 and 1 take different tracks.
+        longer: seconds after the end of the endurance, until which persons also drift.
     """
     starts = [incident.start, *(flight.waypoints[0].time for flight in incident.flown)]
     begin = max(incident.seconds(min(starts)), 0.0)  # before the report, there are no particles
-    duration = incident.seconds(incident.start) + incident.endurance - begin
+    duration = incident.seconds(incident.start) + incident.endurance + longer - begin
     step = max(SHORTEST_STEP, duration / MOST_STEPS)
     count = math.ceil(duration / step) + 1
     times = begin + step * np.arange(count, dtype=np.float64)

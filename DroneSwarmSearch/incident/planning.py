@@ -2,51 +2,133 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from datetime import timedelta
 from typing import Any
 
 import numpy as np
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Floats
 from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.geo.units import KNOT
-from DroneSwarmSearch.incident.choice import Area, CannotFlyError, Guess, choose
+from DroneSwarmSearch.incident.choice import (
+    CannotFlyError,
+    Deadline,
+    Effort,
+    better_boxes,
+    first_boxes,
+    free_patterns,
+)
 from DroneSwarmSearch.incident.coast import Coast
-from DroneSwarmSearch.incident.drone import Drone, drone_of
-from DroneSwarmSearch.incident.flight_plan import Alternative, FlightPlan
-from DroneSwarmSearch.incident.flights import Waypoint
+from DroneSwarmSearch.incident.drone import Drone
+from DroneSwarmSearch.incident.families import Area, Boxes, FreePatterns
+from DroneSwarmSearch.incident.flight_plan import Alternative, Delay, FlightPlan
+from DroneSwarmSearch.incident.flights import Flight, Waypoint, least_distance
 from DroneSwarmSearch.incident.incident import Incident
-from DroneSwarmSearch.incident.particles import simulate
+from DroneSwarmSearch.incident.particles import Particles, simulate
 from DroneSwarmSearch.incident.patterns import LEGS_LEFT_OUT, Pattern, point_along
 
 FEW = 2_000  # particles for the first choice of patterns
-MANY = 8_000  # particles to improve them
-FIGURES = 40_000  # particles of all figures
+MANY = 5_000  # particles to improve them
+FIGURES = 25_000  # particles of all figures, whose standard errors are then at most 0.3%
+
+QUICK = 5  # generations of an alternative
+LAPS = 2  # in which all free patterns are improved
+
+POINTS_MORE = 2.0
+"""By how many percentage points free patterns must find more than adjacent boxes to be ordered."""
+
+DELAYS = [timedelta(minutes=minutes) for minutes in range(0, 31, 5)]
+"""By which the take-off may be late."""
+
+CLEAR = 100.0
+"""Metres between two drones at the same height, at all times from take-off to landing."""
+
+LATEST = 20
+"""Minutes by which a drone takes off later than others at its height, to keep clear of them."""
 
 TRIED_EVERY = 10.0  # metres along a track, to find where it comes to the sea
 TRIED = 10_000
 MOST_BEGINNINGS = 10
 
 
-def plan(incident: Incident, *, with_alternatives: bool = False) -> FlightPlan:
+def plan(
+    incident: Incident, *, seconds: float | None = None, with_alternatives: bool = False
+) -> FlightPlan:
     """Plan the flights of all drones: out, a search pattern, and back.
+
+    First, one rectangle is divided into adjacent boxes, one for each drone, as a coordinator would
+    order it. Free patterns take their place only if they find 2 percentage points more.
 
     Args:
         incident: what is known.
+        seconds: the CPU time after which patterns are no longer improved; the first ones take
+            about a second a drone, whatever it is. By default, the work is fixed, so that equal
+            incidents give equal plans.
         with_alternatives: also compute what other values would change, see `alternatives`.
 
     Raises:
         ImportError: the package cmaes, of the extra "plan", is missing.
         ValueError: the drones cannot fly in that wind, or not reach the area and return.
     """
+    if seconds is not None:
+        seconds = checks.positive("seconds", seconds)
+    deadline = Deadline(seconds)
     many = simulate(incident, MANY, 1)
-    few = many.first(FEW)
-    made = _planned(incident, [Area(incident, cloud) for cloud in (few, many, many)], near=())
+    few = Area(incident, many.first(FEW))
+    with progress("planning", 1.0) as on_progress:
+        shapes = _chosen(few, Area(incident, many), deadline, on_progress)
+    figures = simulate(incident, FIGURES, 0)
+    plans = [_flown(few, shape, figures) for shape in shapes]
+    made = plans[0]
+    for other in plans[1:]:
+        more = 100 * (other.probability_of_success - made.probability_of_success)
+        if more >= POINTS_MORE:
+            made = replace(other, points_more=more)
+    made = replace(made, delays=_delays(made))
     if with_alternatives:
         made = replace(made, alternatives=tuple(alternatives(made)))
     return made
+
+
+def _chosen(
+    few: Area, many: Area, deadline: Deadline, on_progress: Callable[[float], object]
+) -> list[Boxes | FreePatterns]:
+    """The best adjacent boxes and the best free patterns, improved until the deadline.
+
+    Both begin on few particles and are improved on many. There are no free patterns if the time is
+    up before each drone has one.
+    """
+
+    def report(done: float) -> None:
+        on_progress(min(max(done, deadline.elapsed), 1.0) if deadline.is_set else done)
+
+    effort = Effort(deadline)
+    boxes = first_boxes(few, effort)
+    report(0.3)
+    boxes = better_boxes(many, boxes, effort)
+    report(0.5)
+    drawn = free_patterns(few, [], effort)
+    report(0.8)
+    if drawn is None:
+        return [boxes]
+    free = min(few.as_free(boxes), drawn, key=few.left)
+    seed = 1
+    for _ in range(LAPS):
+        free = free_patterns(many, free, effort, seed) or free
+        seed += 1
+        report(0.9)
+    while deadline.is_set and not deadline.is_over:
+        boxes = better_boxes(many, boxes, effort, seed)
+        free = free_patterns(many, free, effort, seed) or free
+        seed += 1
+        report(0.9)
+    on_progress(1.0)
+    return [boxes, free]
 
 
 def alternatives(made: FlightPlan) -> Iterator[Alternative]:
@@ -65,36 +147,66 @@ def alternatives(made: FlightPlan) -> Iterator[Alternative]:
 
 def _alternative(name: str, made: FlightPlan, **values: Any) -> Alternative:
     try:
-        incident = replace(made.incident, **values)
+        incident = made.incident.changed(**values)
         area = Area(incident, simulate(incident, FEW, 1))
-        other = _planned(incident, [area], near=made.guesses)
+        shape = _quickly_improved(area, made.shape)
+        other = _flown(area, shape, simulate(incident, MANY, 2))
     except CannotFlyError:
         return Alternative(name, points=None, reason="drones cannot fly there and back")
     except ValueError:
         return Alternative(name, points=None, reason="unknown, beyond the limits of what is given")
-    more = other.probability_of_success - made.probability_of_success
+    same = replace(made, particles=simulate(made.incident, MANY, 2))  # with the same random numbers
+    more = other.probability_of_success - same.probability_of_success
     return Alternative(name, points=100 * more)
 
 
-def _planned(incident: Incident, areas: Sequence[Area], near: Sequence[Guess]) -> FlightPlan:
-    """A plan whose patterns are chosen on some areas, near those of another plan."""
-    with progress("planning", 1.0) as on_progress:
-        guesses = choose(areas, near, on_progress)
+def _quickly_improved(area: Area, shape: Boxes | FreePatterns) -> Boxes | FreePatterns:
+    """The shape for another area, with little work; drones without a pattern get one."""
+    effort = Effort(Deadline(None), QUICK)
+    if isinstance(shape, Boxes):
+        return better_boxes(area, shape, effort)
+    return free_patterns(area, shape, effort) or shape
+
+
+def _flown(area: Area, shape: Boxes | FreePatterns, figures: Particles) -> FlightPlan:
+    """The plan in which drones fly the patterns of a shape, as far as they are at sea."""
+    incident = area.incident
     coast = Coast(incident)
-    patterns = [
-        begun_at_sea(areas[-1].pattern(guess), drone_of(incident, number), incident.plane, coast)
-        for number, guess in enumerate(guesses)
-    ]
-    flights = [
-        _flight(incident, drone_of(incident, number), pattern)
-        for number, pattern in enumerate(patterns)
-    ]
+    patterns: list[Pattern] = []
+    flights: list[list[Waypoint]] = []
+    for drone, wanted in zip(area.drones, area.patterns(shape), strict=True):
+        pattern = begun_at_sea(wanted, drone, incident.plane, coast)
+        pattern, flight = _kept_apart(incident, drone, pattern, flights)
+        patterns.append(pattern)
+        flights.append(flight)
     return FlightPlan(
         incident=incident,
         patterns=tuple(patterns),
         flights=tuple(flights),
-        particles=simulate(incident, FIGURES, 0),
-        guesses=tuple(guesses),
+        particles=figures,
+        shape=shape,
+    )
+
+
+def _delays(made: FlightPlan) -> tuple[Delay, ...]:
+    """What the same flights would find if all drones took off later, as far as that is known."""
+    incident = made.incident
+    delays = [*DELAYS]
+    while delays:
+        try:
+            later = simulate(incident, MANY, 2, longer=delays[-1].total_seconds())
+            break
+        except ValueError:  # tracks or forecasts end earlier
+            delays.pop()
+    legs = made.legs
+    found = []
+    for delay in delays:
+        shifted = legs + [delay.total_seconds(), 0.0, 0.0]
+        missed = later.missed(shifted, incident.swath, incident.probability_of_detection)
+        found.append(float(later.weights @ (1.0 - missed)))
+    return tuple(
+        Delay(minutes=round(delay.total_seconds() / 60), points=100 * (success - found[0]))
+        for delay, success in zip(delays, found, strict=True)
     )
 
 
@@ -136,16 +248,41 @@ def _is_sea(points: Floats, plane: TangentPlane, coast: Coast) -> Flags:
     return is_sea
 
 
+def _kept_apart(
+    incident: Incident, drone: Drone, pattern: Pattern, others: Sequence[Flight]
+) -> tuple[Pattern, list[Waypoint]]:
+    """The flight of a drone, delayed by minutes if another one at its height comes too near.
+
+    The pattern is where it is at the delayed take-off. If no delay suffices, the one that keeps
+    the drones farthest apart.
+    """
+    same_height = [flight for flight in others if flight[0].altitude == drone.height]
+    farthest = -1.0
+    for minutes in range(LATEST + 1):
+        seconds = 60.0 * minutes
+        later = replace(drone, take_off=drone.take_off + seconds)
+        moved = replace(pattern, start=pattern.start + pattern.drift * seconds)
+        if later.fly(moved) is None:  # the wind has changed
+            continue
+        flight = _flight(incident, later, moved)
+        apart = min((least_distance(flight, other) for other in same_height), default=math.inf)
+        if apart > farthest:
+            farthest = apart
+            chosen = (moved, flight)
+        if apart >= CLEAR:
+            break
+    return chosen
+
+
 def _flight(incident: Incident, drone: Drone, pattern: Pattern) -> list[Waypoint]:
     """The waypoints of a drone along a pattern."""
     flown = drone.fly(pattern)
-    assert flown is not None  # the choice has flown it
-    take_off = incident.seconds(incident.start)
+    assert flown is not None  # it has been flown before
     points: Floats = incident.plane.degrees(flown[:, 1:])
     last = len(flown) - 1
     return [
         Waypoint(
-            time=incident.origin.at(take_off + seconds),
+            time=incident.origin.at(drone.take_off + seconds),
             latitude=latitude,
             longitude=longitude,
             altitude=drone.height,

@@ -88,7 +88,7 @@ def after(
         raise ValueError(f"start must not be before the last landing, {landed}, got {start}")
     for name in FLOWS:
         values[name] = _next_flow(name, getattr(incident, name), values.get(name), landed, time)
-    return replace(incident, start=start, **values)
+    return incident.changed(start=start, **values)
 
 
 def _named_flights(flown: Flown | str | os.PathLike[str]) -> list[NamedFlight]:
@@ -143,7 +143,8 @@ class _Limits:
 
     @classmethod
     def of(cls, incident: Incident) -> _Limits:
-        strength = drone_of(incident, incident.drones - 1).wind_factor
+        highest = int(np.argmax(incident.heights))
+        strength = drone_of(incident, highest).wind_factor
         here = cls(incident, TangentPlane(*incident.base), strength, reach=0.0)
         middle = np.zeros((2, 1))
         strongest = max(

@@ -28,12 +28,14 @@ if TYPE_CHECKING:
 
 # In points.
 PAGE = np.array([595.0, 842.0])
-SHEET = np.array([515.0, 470.0])  # the map
+SHEET = np.array([515.0, 390.0])  # the map
 LEFT = 50
-MAP_BOTTOM = 285
-TABLE_BOTTOM = 80
-TABLE_HEIGHT = 105
-TEXT_BOTTOM = 24
+MAP_BOTTOM = 355
+TABLE_TOP = 263
+ROW_HEIGHT = 8.1
+NAMES_WIDTH = 85
+FEWEST_COLUMNS = 3
+TEXT_BOTTOM = 16
 
 PER_SHEET = 6
 """The most drones whose flights are told apart on a sheet; more are drawn on further sheets."""
@@ -99,7 +101,7 @@ def draw(plan: FlightPlan, drones: Sequence[int]) -> Figure:
     sheet.draw_legend()
     sheet.draw_title()
     _draw_table(figure, plan, drones)
-    assumptions = _wrapped(" ".join(plan.assumptions), 135)
+    assumptions = _wrapped(" ".join([*plan.briefing, *plan.assumptions]), 135)
     figure.text(LEFT / PAGE[0], TEXT_BOTTOM / PAGE[1], assumptions, va="bottom", fontsize=7.5)
     return figure
 
@@ -436,34 +438,24 @@ def _set_ticks(axis: Any, metres: tuple[float, float], ends: Floats, letters: st
 
 
 def _draw_table(figure: Figure, plan: FlightPlan, drones: Sequence[int]) -> None:
-    """The orders of the drones, in columns as wide as their longest line."""
-    axes = figure.add_axes(
-        (LEFT / PAGE[0], TABLE_BOTTOM / PAGE[1], SHEET[0] / PAGE[0], TABLE_HEIGHT / PAGE[1])
-    )
-    axes.axis("off")
+    """The orders: a column for each drone, a row for each value that any of them has."""
     orders = [plan.order(drone) for drone in drones]
-    rows = [list(order.values()) for order in orders]
-    heads = [fill(name, 13 if name.startswith("c") else 9) for name in orders[0]]
-    columns = zip(heads, *rows, strict=True)
-    longest = [max(map(len, [*head.splitlines(), *texts])) for head, *texts in columns]
-    widths = np.array(longest) + 1.5
-    head_height = 0.18
-    row_height = 0.12
-    box: Any = (0, 0.82 - row_height * len(rows), 1, head_height + row_height * len(rows))
-    table = axes.table(
-        rows,
-        colLabels=heads,
-        colWidths=widths / widths.sum(),
-        bbox=box,
-        cellLoc="left",
-        colLoc="left",
-        edges="horizontal",
-    )
-    table.auto_set_font_size(value=False)
-    table.set_fontsize(6.3)
-    for (row, _), cell in table.get_celld().items():
-        cell.PAD = 0.02
-        cell.set_height(head_height if row == 0 else row_height)
+    names = [name for name in orders[0] if any(order[name] for order in orders)]
+    axes = figure.add_axes((0, 0, 1, 1), xlim=(0, PAGE[0]), ylim=(0, PAGE[1]), facecolor="none")
+    axes.axis("off")
+    width = (SHEET[0] - NAMES_WIDTH) / max(len(orders), FEWEST_COLUMNS)
+    for row, name in enumerate(names):
+        y = TABLE_TOP - (row + 0.5) * ROW_HEIGHT
+        look: Any = {"va": "center_baseline", "fontsize": 6.5 if len(orders) < PER_SHEET else 5.7}
+        if row == 0:
+            look["weight"] = "bold"
+        if row % 2:
+            band = [y - ROW_HEIGHT / 2, y + ROW_HEIGHT / 2]
+            axes.fill_betweenx(band, LEFT - 3, LEFT + SHEET[0], color="0.94", linewidth=0)
+        axes.text(LEFT, y, name, **look)
+        for column, order in enumerate(orders):
+            x = LEFT + NAMES_WIDTH + column * width
+            axes.text(x, y, order[name], **look)
 
 
 def _wrapped(text: str, width: int) -> str:

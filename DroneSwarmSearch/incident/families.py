@@ -1,0 +1,258 @@
+"""Search patterns relative to an area, so that they can be tried in another incident.
+
+There are two families. `Boxes` is what a coordinator draws: one rectangle, divided into adjacent
+boxes, one for each drone. `FreePatterns` gives each drone a pattern of its own, wherever it is.
+Both are described by a few real numbers, of which small steps change the patterns a little.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch.incident.drone import Drone, drone_of
+from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.particles import Particles
+from DroneSwarmSearch.incident.patterns import PARALLEL, Pattern
+
+SEARCHED_TWICE = 1.4  # the usual side of a searched square, squared, in strips that a drone can fly
+
+LEAST_SHARE = 0.1  # of an equal share of the rectangle, for drones that have little time there
+
+
+class FreePattern(NamedTuple):
+    """A pattern of one drone relative to the area.
+
+    Attributes:
+        kind: of the pattern, one of `KINDS`.
+        moving: whether its points move with the mean drift.
+        side: 1 if the drone turns to starboard, -1 if to port.
+        parameters: the centre (x, y), the heading, and the logarithms of the legs' length, of the
+            width and of the spacing, relative to what is usual: float64, (6,).
+    """
+
+    kind: str
+    moving: bool
+    side: int
+    parameters: Floats
+
+
+FreePatterns = tuple[FreePattern, ...]
+"""A pattern for each drone."""
+
+
+class Boxes(NamedTuple):
+    """One rectangle, divided into adjacent boxes with parallel legs, one for each drone.
+
+    Attributes:
+        abreast: whether boxes lie beside each other, with legs along their common sides; else
+            they lie end to end.
+        moving: whether they move with the mean drift.
+        side: 1 if all drones turn to starboard first, -1 if to port.
+        parameters: the centre (x, y) of the rectangle, the heading of the first legs, and the
+            logarithms of the rectangle's length, along the legs, of its width, and of the spacing,
+            relative to what is usual: float64, (6,).
+    """
+
+    abreast: bool
+    moving: bool
+    side: int
+    parameters: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """The directions and lengths of a pattern or a rectangle, in metres.
+
+    Attributes:
+        centre: at take-off, (east, north).
+        heading: of the first leg, in radians clockwise from north.
+        along, aside: unit vectors along the first leg, and to the side to which drones creep.
+        length: along the legs.
+        width: across them.
+        spacing: between them.
+        drift: of all points, (east, north) in m/s.
+    """
+
+    centre: Floats
+    heading: float
+    along: Floats
+    aside: Floats
+    length: float
+    width: float
+    spacing: float
+    drift: Floats
+
+
+class Area:
+    """Where persons may be during the flights, and what patterns there would find.
+
+    Args:
+        incident: the incident.
+        particles: possible persons in it.
+    """
+
+    def __init__(self, incident: Incident, particles: Particles) -> None:
+        self.incident = incident
+        self.particles = particles
+        self.drones = [drone_of(incident, number) for number in range(incident.drones)]
+        self._start = incident.seconds(incident.start)
+        half = self.drones[0].endurance / 2
+        weights = particles.weights
+        self._away = particles.mean(self._start + 2 * half) - particles.mean(self._start)
+        positions = particles.at(self._start + half)
+        self.middle = weights @ positions
+        off = positions - self.middle
+        self._root = np.linalg.cholesky((weights * off.T) @ off + np.eye(2))
+        self._size = np.sqrt(incident.swath * incident.speed * SEARCHED_TWICE * half)
+
+    # Patterns.
+
+    def _frame(self, shape: FreePattern | Boxes, size: float) -> _Frame:
+        """What the parameters of a shape mean, if `size` is the usual side of its rectangle."""
+        x, y, heading, length, width, spacing = shape.parameters
+        heading = heading * np.pi / 2 % (2 * np.pi)
+        along = np.array([np.sin(heading), np.cos(heading)])
+        swath = self.incident.swath
+        return _Frame(
+            centre=self.middle + self._root @ [x, y] - self._away / 2 * shape.moving,
+            heading=float(heading),
+            along=along,
+            aside=along[::-1] * [1, -1] * shape.side,
+            length=max(float(size * np.exp(np.clip(length / 2, -3.0, 2.0))), swath),
+            width=float(size * np.exp(np.clip(width / 2, -3.0, 2.0))),
+            spacing=float(swath * np.exp(np.clip(0.2 * spacing, -1.0, 1.0))),
+            drift=self._away / self.drones[0].endurance * shape.moving,
+        )
+
+    def pattern(self, free: FreePattern) -> Pattern:
+        """The pattern of one drone."""
+        frame = self._frame(free, self._size)
+        legs = 1
+        start = frame.centre
+        if free.kind == PARALLEL:
+            legs = max(round(frame.width / frame.spacing), 1)
+            start = start - frame.along * frame.length / 2
+            start = start - frame.aside * (legs - 1) * frame.spacing / 2
+        return Pattern(
+            kind=free.kind,
+            start=start,
+            heading=frame.heading,
+            length=frame.length,
+            spacing=frame.spacing,
+            legs=legs,
+            side=free.side,
+            drift=frame.drift,
+        )
+
+    def boxes(self, boxes: Boxes) -> list[Pattern]:
+        """The pattern of each drone in its box.
+
+        Boxes are as large as the time that their drones have there. Legs end half a spacing inside
+        of them, so that the strips of neighbours adjoin.
+        """
+        n = len(self.drones)
+        frame = self._frame(boxes, self._size * np.sqrt(n))
+        across = max(round(frame.width / frame.spacing), 1)
+        edges = np.linspace(0.0, 1.0, n + 1)  # of the boxes, as shares of the rectangle
+        middles = (edges[1:] + edges[:-1] - 1)[:, None] / 2
+        way = frame.aside * frame.width if boxes.abreast else frame.along * frame.length
+        shares = self._shares(frame.centre + middles * way)
+        edges = np.append(0.0, shares.cumsum())
+        corner = frame.centre - frame.along * frame.length / 2
+        if not boxes.abreast:
+            corner = corner - frame.aside * (across - 1) * frame.spacing / 2
+            lengths = np.maximum(frame.length * shares - frame.spacing, self.incident.swath)
+            begins = frame.length * edges[:-1] + frame.spacing / 2
+            starts = corner + begins[:, None] * frame.along
+            legs = np.full(n, across)
+        else:
+            across = max(across, n)
+            lines = np.maximum(np.rint(edges * across).astype(int), np.arange(n + 1))
+            legs = np.maximum(np.diff(lines), 1)
+            first = np.append(0, legs.cumsum())
+            corner = corner - frame.aside * (first[-1] - 1) * frame.spacing / 2
+            starts = corner + first[:-1, None] * frame.spacing * frame.aside
+            lengths = np.full(n, frame.length)
+        return [
+            Pattern(
+                kind=PARALLEL,
+                start=start,
+                heading=frame.heading,
+                length=float(length),
+                spacing=frame.spacing,
+                legs=int(count),
+                side=boxes.side,
+                drift=frame.drift,
+            )
+            for start, length, count in zip(starts, lengths, legs, strict=True)
+        ]
+
+    def _shares(self, middles: Floats) -> Floats:
+        """Shares of the drones by the time that each has at its point, (n, 2); they sum to 1."""
+        times = []
+        for drone, middle in zip(self.drones, middles, strict=True):
+            there, back = self.ways(drone, middle)
+            times.append(drone.endurance - 2 * drone.climbing - np.nan_to_num(there + back))
+        least = LEAST_SHARE * max(max(times), 1.0)
+        long = np.maximum(times, least)
+        shares: Floats = long / long.sum()
+        return shares
+
+    def ways(self, drone: Drone, point: Floats) -> tuple[float, float]:
+        """Seconds from the base to a point and back, in the wind there; NaN without headway."""
+        way = (point - drone.base)[:, None]
+        length = np.hypot(*way)
+        unit = way / np.maximum(length, 1e-9)
+        wind = drone.wind(np.zeros(1), point[:, None])
+        there = length / drone.ground_speed(wind, unit)
+        back = length / drone.ground_speed(wind, -unit)
+        return float(there[0]), float(back[0])
+
+    def patterns(self, shape: Boxes | FreePatterns) -> list[Pattern]:
+        """The pattern of each drone."""
+        if isinstance(shape, Boxes):
+            return self.boxes(shape)
+        return [self.pattern(free) for free in shape]
+
+    def as_free(self, boxes: Boxes) -> FreePatterns:
+        """The same patterns, each on its own."""
+        free = []
+        for pattern in self.boxes(boxes):
+            width = pattern.legs * pattern.spacing
+            along = np.array([np.sin(pattern.heading), np.cos(pattern.heading)])
+            aside = along[::-1] * [1, -1] * pattern.side
+            to_centre = along * pattern.length + aside * (width - pattern.spacing)
+            centre = pattern.start + to_centre / 2
+            x, y = np.linalg.solve(self._root, centre - self.middle + self._away / 2 * boxes.moving)
+            heading = pattern.heading / (np.pi / 2)
+            length = 2 * np.log(pattern.length / self._size)
+            across = 2 * np.log(width / self._size)
+            parameters = np.array([x, y, heading, length, across, boxes.parameters[5]])
+            free.append(FreePattern(PARALLEL, boxes.moving, boxes.side, parameters))
+        return tuple(free)
+
+    # What they find.
+
+    def missed(self, drone: Drone, pattern: Pattern) -> Floats | None:
+        """The probability that a drone misses each particle; None if it cannot fly the pattern."""
+        flight = drone.fly(pattern)
+        if flight is None:
+            return None
+        flight[:, 0] += self._start
+        legs = np.stack([flight[1:-1], flight[2:]], axis=1)  # all but the way there
+        known = self.incident
+        return self.particles.missed(legs, known.swath, known.probability_of_detection)
+
+    def left(self, shape: Boxes | FreePatterns) -> float:
+        """The probability that all drones miss the person; 1 if one cannot fly its pattern."""
+        left = self.particles.weights
+        for drone, pattern in zip(self.drones, self.patterns(shape), strict=True):
+            missed = self.missed(drone, pattern)
+            if missed is None:
+                return 1.0
+            left = left * missed
+        return float(left.sum())
