@@ -85,6 +85,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--ceiling", "above which none flies (120m)", **words)
     add("--climb", "speed with which they climb and sink (3m/s)", **words)
+    about = "copter or plane, with ArduPilot or PX4, or dji: what the missions are for (copter)"
+    add("--aircraft", about, metavar="KIND")
     group = parser.add_argument_group("the plan")
     add("--out", "the folder to write", metavar="DIR", type=Path, required=True)
     about = "CPU time in which the plan is improved; a first one takes some seconds (15)"

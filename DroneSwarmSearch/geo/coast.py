@@ -110,7 +110,8 @@ class Land:
     def polygons(self, low: ArrayLike, high: ArrayLike) -> list[Polygon]:
         """The polygons of land between two corners, (east, north) in metres."""
         shapely = _shapely()
-        (west, south), (east, north) = np.asarray(low), np.asarray(high)
+        west, south = np.asarray(low)
+        east, north = np.asarray(high)
         return polygons_of(shapely.clip_by_rect(self.shape, west, south, east, north))
 
     def polygons_in_degrees(self, low: ArrayLike, high: ArrayLike) -> list[Polygon]:

@@ -19,6 +19,7 @@ SLOWEST = 0.1  # of the airspeed; drones that are slower over the ground make no
 SETTLED = 0.05  # seconds: so exact are times that depend on a wind that depends on them
 POINTS_PER_HOUR = 50  # the most points of a pattern
 FEWEST_POINTS = 42
+NO_DRIFT = np.zeros((2, 1))
 PARTS = 256  # of a leg, at the end of one of which the way home may begin
 
 
@@ -33,6 +34,7 @@ class Drone:
         base: where it takes off and lands, (east, north) in metres.
         height: at which it flies above the sea, in metres.
         climb: with which it climbs there and sinks to land, in m/s.
+        fastest: over the ground, in m/s.
         flow: the wind at 10 m.
         take_off: in the seconds of the flow.
     """
@@ -43,6 +45,7 @@ class Drone:
     base: Floats
     height: float
     climb: float
+    fastest: float
     flow: Flow
     take_off: float
 
@@ -65,18 +68,24 @@ class Drone:
         velocity = self.flow.velocity(self.take_off + times, points)
         return np.where(np.isnan(velocity), 0.0, velocity) * self.wind_factor
 
-    def ground_speed(self, wind: Floats, unit: Floats) -> Floats:
+    def ground_speed(self, wind: Floats, unit: Floats, drift: Floats = NO_DRIFT) -> Floats:
         """The speed over the ground along tracks, or NaN where the drone makes no headway.
 
-        With the wind w, the airspeed v and the direction e, it is w.e + sqrt(v² - (w x e)²).
+        With the wind w, the airspeed v and the direction e, it is w.e + sqrt(v² - (w x e)²), or the
+        most that the aircraft flies over the ground.
 
         Args:
             wind: (east, north) in m/s, (2, ...).
             unit: the direction, (2, ...).
+            drift: of a frame in which wind, direction and speed are given, over the ground.
         """
         across = wind[0] * unit[1] - wind[1] * unit[0]
         root = np.sqrt(np.maximum(self.airspeed**2 - across**2, 0.0))
         speed = (wind * unit).sum(axis=0) + root
+        if np.isfinite(self.fastest):
+            drift_across = drift[0] * unit[1] - drift[1] * unit[0]
+            most = np.sqrt(self.fastest**2 - drift_across**2) - (drift * unit).sum(axis=0)
+            speed = np.minimum(speed, most)
         return np.where((root > 0.0) & (speed >= SLOWEST * self.airspeed), speed, np.nan)
 
     def turning(self, unit: Floats, after: Floats) -> Floats:
@@ -84,6 +93,17 @@ class Drone:
         angle = np.arccos(np.clip((unit * after).sum(axis=0), -1.0, 1.0))
         seconds: Floats = angle / (np.pi / 2) * self.turn
         return seconds
+
+    def ground_speeds(self, flight: Floats) -> Floats:
+        """The speed on each leg of what `fly` returns, in m/s: (n - 1,)."""
+        seconds, *points = flight.T
+        way = np.diff(points, axis=1)
+        length = np.hypot(*way)
+        unit = way / np.maximum(length, 1e-9)
+        waits = np.append(self.climbing, self.turning(unit[:, :-1], unit[:, 1:]))
+        waits[-1] += self.climbing
+        speeds: Floats = length / np.maximum(np.diff(seconds) - waits, 1e-3)
+        return speeds
 
     def home(self, times: Floats, points: Floats, unit: Floats) -> Floats:
         """Seconds to be home at times from points, (2, n), after flying along `unit`, and land.
@@ -152,14 +172,14 @@ class Drone:
             middle = (times[:-1] + times[1:]) / 2
             half_way = (points[:-1] + points[1:]).T / 2 + drift * middle
             wind = self.wind(middle, half_way) - drift
-            courses = unit * self.ground_speed(wind, unit) + drift
+            courses = unit * self.ground_speed(wind, unit, drift) + drift
             courses /= np.maximum(np.hypot(*courses), 1e-9)
             waits[1:] = self.turning(courses[:, :-1], courses[:, 1:])
             # While the drone climbs or turns, the next point moves on.
             flown = way + drift * waits
             length = np.hypot(*flown)
             unit = flown / np.maximum(length, 1e-9)
-            legs = waits + length / self.ground_speed(wind, unit)
+            legs = waits + length / self.ground_speed(wind, unit, drift)
             times = np.append(0.0, np.nan_to_num(legs, nan=np.inf).cumsum())
             times = np.minimum(times, 2 * self.endurance)
             settled = np.abs(times - before) < SETTLED
@@ -217,6 +237,7 @@ def drone_of(incident: Incident, number: int) -> Drone:
         base=incident.plane.metres(*incident.base),
         height=incident.heights[number],
         climb=incident.climb,
+        fastest=incident.fastest_over_ground,
         flow=incident.wind,
         take_off=incident.seconds(incident.start),
     )

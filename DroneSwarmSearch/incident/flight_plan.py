@@ -132,6 +132,14 @@ class FlightPlan:
         """The probability that the flights find the person."""
         return self.success()
 
+    def ground_speeds(self, number: int) -> list[float]:
+        """The speed of a drone over the ground on each leg, in m/s."""
+        flight = self.flights[number]
+        seconds = [(point.time - flight[0].time).total_seconds() for point in flight]
+        flown = np.column_stack([seconds, track(flight, self.incident.plane)])
+        speeds: list[float] = drone_of(self.incident, number).ground_speeds(flown).tolist()
+        return speeds
+
     def density(self, time: datetime, size: int = 80) -> tuple[Floats, Floats, Floats]:
         """Where the person may be at a time if nobody searches: a smoothed histogram of particles.
 
@@ -310,11 +318,14 @@ class FlightPlan:
             drift += f" {self.particles.ashore:.0%} of the persons strand by {self.landed:%H:%M}."
         if incident.coast == NONE:
             drift += " No coast is known, so nobody strands."
+        limit = ""
+        if incident.speed > incident.fastest_over_ground:
+            limit = f", at most {_speed(incident.fastest_over_ground)} over the ground"
         first = drone_of(incident, 0)
         blows = float(np.hypot(*first.wind(np.zeros(1), np.zeros((2, 1))))[0])
         return [
             drift,
-            f"Drones fly {_speed(incident.speed)} in still air, the wind at their height is "
+            f"Drones fly {_speed(incident.speed)} in still air{limit}, the wind at their height is "
             f"{_speed(blows)}, and a right-angle turn takes {incident.turn:g} s.",
             f"They land after at most {first.endurance / 60:.0f} min.",
             f"They find {incident.probability_of_detection:.0%} of those in a strip of "

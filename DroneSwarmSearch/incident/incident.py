@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from dataclasses import dataclass, field, fields
 from datetime import datetime, timedelta
@@ -59,6 +60,15 @@ LOWEST = 20.0
 
 USUAL_ALTITUDE = 100.0
 USUAL_CEILING = 120.0
+
+COPTER = "copter"
+PLANE = "plane"
+DJI = "dji"
+
+AIRCRAFT = (COPTER, PLANE, DJI)
+
+FASTEST_OVER_GROUND = {DJI: 15.0}
+"""In m/s, of missions for aircraft that limit it: DJI's WPML, "autoFlightSpeed"."""
 
 FLOWS = ("wind", "current")
 COASTS = (GSHHG, NONE)
@@ -125,6 +135,8 @@ class Incident:
             the United States, or a higher altitude that is given.
         turn: seconds in which a drone turns by a right angle.
         climb: the speed with which drones climb after the take-off, and sink to land.
+        aircraft: for which missions are written: "copter" or "plane", with ArduPilot or PX4; or
+            "dji", which fly at most 15 m/s over the ground.
         flown: earlier flights that found nobody, each a `FlownFlight`, see `after`; or the
             waypoints of a flight, flown with this swath and probability of detection.
 
@@ -156,6 +168,7 @@ class Incident:
     ceiling: float = None  # type: ignore[assignment]
     turn: float = 4.0
     climb: float = 3.0
+    aircraft: str = COPTER
     flown: tuple[FlownFlight, ...] = ()
     _typed: dict[str, Any] = field(init=False, repr=False, compare=False)
     _left_out: tuple[str, ...] = field(init=False, repr=False, compare=False)
@@ -209,6 +222,11 @@ class Incident:
             ValueError: the file of the coast cannot be read.
         """
         return _land(self.coast, self.position, reach)
+
+    @property
+    def fastest_over_ground(self) -> float:
+        """The most that the aircraft can fly over the ground, in m/s, or infinity."""
+        return FASTEST_OVER_GROUND.get(self.aircraft, math.inf)
 
     @property
     def heights(self) -> tuple[float, ...]:
@@ -302,6 +320,7 @@ def _checked(given: dict[str, Any]) -> dict[str, Any]:
         for name, kind in QUANTITIES.items()
         if given[name] is not None or name not in DEPENDENT
     }
+    checks.choice("aircraft", given["aircraft"], AIRCRAFT)
     values["drones"] = checks.integer("drones", given["drones"], 1, 50)
     name = "probability_of_detection"
     values[name] = checks.real(name, given[name], 0, 1)

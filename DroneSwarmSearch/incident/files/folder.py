@@ -21,7 +21,7 @@ INCIDENT = "incident.json"
 
 NAMES = re.compile(
     r"plan\.(csv|geojson|gpx|kml)|overlay(_west|_east)?\.png|map\d*\.(png|svg)"
-    rf"|drone\d+\.(plan|waypoints)|{re.escape(INCIDENT)}|{re.escape(CONTENTS)}"
+    rf"|drone\d+\.(plan|waypoints|kmz)|{re.escape(INCIDENT)}|{re.escape(CONTENTS)}"
 )
 """The names of files that a plan may write."""
 

@@ -1,0 +1,193 @@
+"""Missions for ArduPilot and PX4: QGroundControl's plan files, and plain text.
+
+QGroundControl's developer guide, "Plan file format"; MAVLink's developer guide, "File formats" and
+"MAVLink common message set"; ArduPilot's guide for planes, "Automatic landing".
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.extras import needed
+from DroneSwarmSearch.incident.drone import drone_of
+from DroneSwarmSearch.incident.flight_plan import FlightPlan
+from DroneSwarmSearch.incident.flights import Waypoint, track
+from DroneSwarmSearch.incident.incident import PLANE
+
+# Commands of MAVLink.
+WAYPOINT = 16
+RETURN = 20  # to the launch
+LAND = 21
+TAKE_OFF = 22
+LOITER_TO_ALTITUDE = 31
+CHANGE_SPEED = 178
+LANDING_BEGINS = 189  # DO_LAND_START
+
+# Frames of commands.
+MISSION = 2  # of those without a position
+RELATIVE_ALTITUDE = 3
+
+# What a command of speed is about.
+AIRSPEED = 0
+GROUND_SPEED = 1
+
+ARDUPILOT = 3
+FIXED_WING = 1
+QUADROTOR = 2
+
+PITCH = 15.0  # degrees, of a plane that takes off
+
+# A plane loiters down downwind of its base, and lands into the wind.
+LOITER_RADIUS = 75.0  # metres
+LOITER_HEIGHT = 40.0  # metres, at the end
+APPROACH = 400.0  # metres from there to the base
+LOITERS_APART = 200.0  # metres between the loiters of two planes, across the wind
+LOITERS = 6  # side by side
+
+FENCE_MARGIN = 200.0  # metres around all ways
+
+
+class Item(NamedTuple):
+    """A command of a mission: its number, its frame and its seven parameters."""
+
+    command: int
+    frame: int
+    params: list[Any]
+
+
+def items_of(plan: FlightPlan, drone: int) -> list[Item]:
+    """The commands of a drone's mission.
+
+    A plane flies at its airspeed. A copter holds the speed over the ground that the plan has
+    computed for each leg. Each comes home at its own height, and lands.
+    """
+    if plan.incident.aircraft == PLANE:
+        return _plane_items(plan, drone)
+    return _copter_items(plan, drone)
+
+
+def _copter_items(plan: FlightPlan, drone: int) -> list[Item]:
+    flight = plan.flights[drone]
+    items = [_at(TAKE_OFF, flight[0])]
+    set_speed = None
+    for speed, waypoint in zip(plan.ground_speeds(drone), flight[1:], strict=True):
+        rounded = round(speed, 1)
+        if rounded != set_speed:
+            items.append(_speed(GROUND_SPEED, rounded))
+            set_speed = rounded
+        items.append(_at(WAYPOINT, waypoint))
+    return [*items, Item(RETURN, MISSION, [0] * 7)]
+
+
+def _plane_items(plan: FlightPlan, drone: int) -> list[Item]:
+    flight = plan.flights[drone]
+    latitude, longitude = _loiter(plan, drone)
+    home = flight[-1]
+    loiter = home._replace(latitude=latitude, longitude=longitude, altitude=LOITER_HEIGHT)
+    return [
+        _at(TAKE_OFF, flight[0], PITCH),
+        _speed(AIRSPEED, plan.incident.speed),
+        *(_at(WAYPOINT, waypoint) for waypoint in flight[1:]),
+        Item(LANDING_BEGINS, MISSION, [0] * 7),
+        _at(LOITER_TO_ALTITUDE, loiter, 1, LOITER_RADIUS, 0, 1),
+        _at(LAND, home._replace(altitude=0.0)),
+    ]
+
+
+def _loiter(plan: FlightPlan, drone: int) -> tuple[float, float]:
+    """Where a plane loiters down: downwind of its base, beside other planes; in degrees."""
+    incident = plan.incident
+    flying = drone_of(incident, drone)
+    landing = np.array([(plan.flights[drone][-1].time - incident.start).total_seconds()])
+    wind = flying.wind(landing, flying.base[:, None])[:, 0]
+    speed = math.hypot(*wind)
+    downwind = wind / speed if speed > 0 else np.array([0.0, 1.0])
+    aside = downwind[::-1] * [1, -1]
+    count = min(len(plan.flights), LOITERS)
+    lane = drone % LOITERS - (count - 1) / 2
+    metres = flying.base + APPROACH * downwind + LOITERS_APART * lane * aside
+    latitude, longitude = incident.plane.degrees(metres[None])[0].tolist()
+    return latitude, longitude
+
+
+def _at(command: int, waypoint: Waypoint, *params: float) -> Item:
+    """A command at a waypoint, with its first parameters."""
+    first = [*params, *[0] * (4 - len(params))]
+    latitude, longitude = round(waypoint.latitude, 7), round(waypoint.longitude, 7)
+    return Item(command, RELATIVE_ALTITUDE, [*first, latitude, longitude, waypoint.altitude])
+
+
+def _speed(kind: int, speed: float) -> Item:
+    return Item(CHANGE_SPEED, MISSION, [kind, speed, -1, 0, 0, 0, 0])
+
+
+# Files.
+
+
+def plain_text(plan: FlightPlan, drone: int, items: list[Item]) -> str:
+    """The mission as plain text; its first line is the base."""
+    lines = ["QGC WPL 110"]
+    home = Item(WAYPOINT, 0, [0, 0, 0, 0, *_base(plan, drone)])
+    for number, item in enumerate([home, *items]):
+        is_current = int(number == 0)
+        values = [number, is_current, item.frame, item.command, *item.params, 1]
+        lines.append("\t".join(map(str, values)))
+    return "\n".join(lines) + "\n"
+
+
+def qgroundcontrol(plan: FlightPlan, drone: int, items: list[Item]) -> str:
+    """The mission for QGroundControl, with a fence around all ways."""
+    incident = plan.incident
+    mission = {
+        "version": 2,
+        "firmwareType": ARDUPILOT,
+        "vehicleType": FIXED_WING if incident.aircraft == PLANE else QUADROTOR,
+        "globalPlanAltitudeMode": 1,
+        "cruiseSpeed": incident.speed,
+        "hoverSpeed": incident.speed,
+        "plannedHomePosition": _base(plan, drone),
+        "items": [_simple_item(number, item) for number, item in enumerate(items, 1)],
+    }
+    fence = {"version": 1, "inclusion": True, "polygon": _fence(plan, drone, items)}
+    whole = {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "QGroundControl",
+        "mission": mission,
+        "geoFence": {"version": 2, "circles": [], "polygons": [fence]},
+        "rallyPoints": {"version": 2, "points": []},
+    }
+    return json.dumps(whole, indent=1) + "\n"
+
+
+def _base(plan: FlightPlan, drone: int) -> list[float]:
+    """Latitude, longitude and altitude of the take-off."""
+    first = plan.flights[drone][0]
+    return [round(first.latitude, 7), round(first.longitude, 7), 0]
+
+
+def _simple_item(number: int, item: Item) -> dict[str, Any]:
+    """A command as QGroundControl has it."""
+    data = {"type": "SimpleItem", "autoContinue": True, "doJumpId": number, **item._asdict()}
+    if item.frame == RELATIVE_ALTITUDE:
+        yaw = item.params[3] if item.command == LOITER_TO_ALTITUDE else None  # any
+        data["params"] = [*item.params[:3], yaw, *item.params[4:]]
+        data |= {"Altitude": item.params[6], "AltitudeMode": 1, "AMSLAltAboveTerrain": None}
+    return data
+
+
+def _fence(plan: FlightPlan, drone: int, items: list[Item]) -> list[list[float]]:
+    """The corners, (latitude, longitude), of an area that holds all positions with a margin."""
+    shapely: Any = needed("shapely", "the fence of a mission needs the package shapely", "plan")
+    positions = [item.params[4:6] for item in items if item.frame == RELATIVE_ALTITUDE]
+    plane = plan.incident.plane
+    metres = [plane.metres(*position) for position in positions]
+    metres += [*track(plan.flights[drone], plane)]
+    hull = shapely.MultiPoint(metres).convex_hull.buffer(FENCE_MARGIN, quad_segs=2)
+    corners: Floats = plane.degrees(np.array(hull.exterior.coords)[:-1])
+    return [[round(latitude, 7), round(longitude, 7)] for latitude, longitude in corners.tolist()]
