@@ -1,6 +1,7 @@
 """Fixtures and hooks of all tests."""
 
 import os
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -68,6 +69,38 @@ def good_plans(request, monkeypatch):
     if request.node.get_closest_marker("good_plans") is not None:
         for name, value in GOOD.items():
             monkeypatch.setattr(*name, value)
+
+
+# Without a sandbox, which is required for root, as in containers.
+BROWSER = [
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    webdriver = pytest.importorskip("selenium.webdriver")
+    binary = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
+    driver = shutil.which("chromedriver") or os.path.join(
+        os.environ.get("CHROMEWEBDRIVER", ""), "chromedriver"
+    )
+    if not binary or not os.path.exists(driver):
+        pytest.skip("no Chromium with a ChromeDriver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = binary
+    for argument in (*BROWSER, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    chrome = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    yield chrome
+    chrome.quit()
 
 
 @pytest.fixture

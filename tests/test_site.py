@@ -8,8 +8,6 @@ Chrome with its ChromeDriver. Tests are skipped where something is missing.
 
 import functools
 import http.server
-import os
-import shutil
 import subprocess
 import sys
 import threading
@@ -29,18 +27,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.pictures]
 # window widths in pixels
 PHONE = 390
 DESKTOP = 1280
-
-# Without a sandbox, which is required for root, as in containers.
-BROWSER = [
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-dev-shm-usage",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 
 # A script that returns a page's width, background colour and images.
 INSPECT = """
@@ -128,25 +114,6 @@ def address(site):
     yield f"http://127.0.0.1:{server.server_port}"
     server.shutdown()
     server.server_close()
-
-
-@pytest.fixture(scope="session")
-def browser(tmp_path_factory):
-    webdriver = pytest.importorskip("selenium.webdriver")
-    binary = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
-    driver = shutil.which("chromedriver") or os.path.join(
-        os.environ.get("CHROMEWEBDRIVER", ""), "chromedriver"
-    )
-    if not binary or not os.path.exists(driver):
-        pytest.skip("no Chromium with a ChromeDriver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = binary
-    for argument in (*BROWSER, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    chrome = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
-    yield chrome
-    chrome.quit()
 
 
 def open_page(browser: Any, address: str, theme: str = "light", width: int = DESKTOP) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -73,7 +73,7 @@ class Effort:
     """
 
     deadline: Deadline
-    generations: int = GENERATIONS
+    generations: int = field(default_factory=lambda: GENERATIONS)
 
 
 Shape = TypeVar("Shape", Boxes, FreePattern)

@@ -115,13 +115,13 @@ class FlightPlan:
         return np.concatenate([legs_of(flight, plane, since) for flight in self.flights])
 
     @cached_property
-    def _sweeps(self) -> tuple[Ints, Floats]:
-        """Which particle a drone sweeps over, and when, in seconds of the incident."""
+    def sweeps(self) -> tuple[Ints, Floats]:
+        """Which particle a drone sweeps over, and when, in seconds of the incident: (m,) each."""
         return self.particles.sweeps(self.legs, self.incident.swath)
 
     def success(self, by: datetime | None = None) -> float:
         """The probability that the person is found by a time, by default the last landing."""
-        swept, when = self._sweeps
+        swept, when = self.sweeps
         if by is not None:
             swept = swept[when <= self.incident.seconds(by)]
         missed = self.particles.missed_after(swept, self.incident.probability_of_detection)

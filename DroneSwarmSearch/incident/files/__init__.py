@@ -11,6 +11,7 @@ from DroneSwarmSearch.incident.files.csv_table import csv_table
 from DroneSwarmSearch.incident.files.folder import INCIDENT, replace_plan
 from DroneSwarmSearch.incident.files.geojson import geojson
 from DroneSwarmSearch.incident.files.gpx import gpx
+from DroneSwarmSearch.incident.files.html_page import html_page
 from DroneSwarmSearch.incident.files.kml import kml, overlays_of
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 
@@ -41,6 +42,7 @@ def write(plan: FlightPlan, folder: str | os.PathLike[str]) -> list[str]:
         write_bytes(spare / "plan.kml", kml(plan, overlays))
         write_text(spare / "plan.geojson", geojson(plan))
         write_text(spare / "plan.csv", csv_table(plan))
+        write_text(spare / "plan.html", html_page(plan))
         missions.write(plan, spare)
         chart.write(plan, spare)
         write_text(spare / INCIDENT, plan.incident.as_json(where))

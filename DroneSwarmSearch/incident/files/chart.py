@@ -19,6 +19,7 @@ from DroneSwarmSearch._internal.files import write_bytes
 from DroneSwarmSearch._internal.text import without_formulas
 from DroneSwarmSearch.geo import units
 from DroneSwarmSearch.geo.units import KNOT
+from DroneSwarmSearch.incident.files.lines import STEPS, round_minutes
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 from DroneSwarmSearch.incident.flights import track, up_to_the_minute
 from DroneSwarmSearch.rendering.palette import INK, drone_colour, readable_on, style_sheet
@@ -43,7 +44,6 @@ PER_SHEET = 6
 WIDER = 1.6  # a position is only on the map if it does not become so many times as wide
 
 DASHES = ((9, 0), (5, 1.6), (1.2, 1), (7, 1.4, 1.2, 1.4), (2.6, 1.2), (7, 1.4, 1.2, 1.4, 1.2, 1.4))
-STEPS = np.array([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800])
 HEAD: Any = {"arrowstyle": "-|>,head_length=.5,head_width=.25", "linewidth": 0, "shrinkB": 0}
 BLACK: Any = {"arrowstyle": "simple", "color": "black", "shrinkB": 0}
 BOX: Any = {"facecolor": "white", "edgecolor": "none", "boxstyle": "round,pad=.1"}
@@ -429,12 +429,9 @@ class _Sheet:
 
 def _set_ticks(axis: Any, metres: tuple[float, float], ends: Floats, letters: str) -> None:
     """Put ticks at round minutes; the axis goes from one end, in minutes, to the other."""
-    first, last = ends
-    span = last - first
-    step = STEPS[STEPS.searchsorted(span / 6)]
-    minutes = np.arange(np.ceil((first + span / 20) / step), (last - span / 20) / step) * step
+    minutes = round_minutes(*ends)
     names = [units.minutes(minute, letters) for minute in minutes]
-    axis.set_ticks(np.interp(minutes, (first, last), metres), names)
+    axis.set_ticks(np.interp(minutes, ends, metres), names)
 
 
 def _draw_table(figure: Figure, plan: FlightPlan, drones: Sequence[int]) -> None:

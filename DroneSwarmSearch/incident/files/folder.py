@@ -20,7 +20,7 @@ INCIDENT = "incident.json"
 """The last file that is moved in: without it, a folder holds no plan."""
 
 NAMES = re.compile(
-    r"plan\.(csv|geojson|gpx|kml)|overlay(_west|_east)?\.png|map\d*\.(png|svg)"
+    r"plan\.(csv|geojson|gpx|html|kml)|overlay(_west|_east)?\.png|map\d*\.(png|svg)"
     rf"|drone\d+\.(plan|waypoints|kmz)|{re.escape(INCIDENT)}|{re.escape(CONTENTS)}"
 )
 """The names of files that a plan may write."""

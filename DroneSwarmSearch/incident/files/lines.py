@@ -16,6 +16,19 @@ from DroneSwarmSearch.incident.flights import Flight, Waypoint, track
 Line = list[tuple[float, float]]  # (longitude, latitude), the order of GeoJSON and KML
 
 
+STEPS = np.array([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800])
+"""Round numbers, for scales and lines."""
+
+
+def round_minutes(first: float, last: float) -> Floats:
+    """About six round minutes of latitude or longitude between two ends, and not near them."""
+    span = last - first
+    step = STEPS[STEPS.searchsorted(span / 6)]
+    lowest = np.ceil((first + span / 20) / step)
+    minutes: Floats = np.arange(lowest, (last - span / 20) / step) * step
+    return minutes
+
+
 def utc(time: datetime) -> str:
     """A time as text."""
     return time.isoformat(timespec="milliseconds").replace("+00:00", "Z")
