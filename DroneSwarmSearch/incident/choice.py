@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -76,14 +76,15 @@ class Effort:
     generations: int = field(default_factory=lambda: GENERATIONS)
 
 
-Shape = TypeVar("Shape", Boxes, FreePattern)
+Tuned = TypeVar("Tuned", Boxes, FreePattern)
 
 
-class _Tried(NamedTuple, Generic[Shape]):
+@dataclass(frozen=True)
+class _Tried(Generic[Tuned]):
     """A shape, and the probability that is left undetected with it."""
 
     left: float
-    shape: Shape
+    shape: Tuned
 
 
 # Boxes.
@@ -112,7 +113,7 @@ def first_boxes(area: Area, effort: Effort) -> Boxes:
             if len(drawn) == BOXES_DRAWN or effort.deadline.is_over:
                 break
     if not drawn:
-        raise CannotFlyError(_refusal(area))
+        raise CannotFlyError(refusal(area))
     drawn.sort(key=_left)
     improved = [
         _improved(start, area.left, FIRST, effort, seed)
@@ -209,7 +210,7 @@ def _drawn(area: Area, drone: Drone, rng: np.random.Generator) -> list[FreePatte
             if len(drawn) == DRAWN:
                 break
     if not drawn:
-        raise CannotFlyError(_refusal(area))
+        raise CannotFlyError(refusal(area))
     return drawn
 
 
@@ -217,8 +218,8 @@ def _drawn(area: Area, drone: Drone, rng: np.random.Generator) -> list[FreePatte
 
 
 def _improved(
-    start: _Tried[Shape], left: Callable[[Shape], float], step: float, effort: Effort, seed: int
-) -> _Tried[Shape]:
+    start: _Tried[Tuned], left: Callable[[Tuned], float], step: float, effort: Effort, seed: int
+) -> _Tried[Tuned]:
     """The best of a start and of all that a run of CMA-ES from there tries."""
     cmaes: Any = needed("cmaes", "planning needs the package cmaes", "plan")
     search = cmaes.CMA(
@@ -230,7 +231,7 @@ def _improved(
             break
         shapes = [start.shape._replace(parameters=search.ask()) for _ in range(POPULATION)]
         tried = [_Tried(left(shape), shape) for shape in shapes]
-        search.tell([(shape.parameters, value) for value, shape in tried])
+        search.tell([(each.shape.parameters, each.left) for each in tried])
         best = min(best, *tried, key=_left)
     return best
 
@@ -239,10 +240,10 @@ def _left(tried: _Tried[Any]) -> float:
     return tried.left
 
 
-def _refusal(area: Area) -> str:
+def refusal(area: Area) -> str:
     """Why no drone can search, and what would help."""
     drone = area.drones[0]
-    there, back = area.ways(drone, area.middle)
+    there, back = drone.ways(area.middle)
     both_ways = there + back + 2 * drone.climbing
     if math.isnan(both_ways):
         blows = float(np.hypot(*drone.wind(np.zeros(1), area.middle[:, None]))[0])

@@ -94,6 +94,16 @@ class Drone:
         seconds: Floats = angle / (np.pi / 2) * self.turn
         return seconds
 
+    def ways(self, point: Floats) -> tuple[float, float]:
+        """Seconds from the base to a point and back, in the wind there; NaN without headway."""
+        way = (point - self.base)[:, None]
+        length = np.hypot(*way)
+        unit = way / np.maximum(length, 1e-9)
+        wind = self.wind(np.zeros(1), point[:, None])
+        there = length / self.ground_speed(wind, unit)
+        back = length / self.ground_speed(wind, -unit)
+        return float(there[0]), float(back[0])
+
     def ground_speeds(self, flight: Floats) -> Floats:
         """The speed on each leg of what `fly` returns, in m/s: (n - 1,)."""
         seconds, *points = flight.T

@@ -15,6 +15,7 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.incident.drone import Drone, drone_of
 from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.manual import Worksheet
 from DroneSwarmSearch.incident.particles import Particles
 from DroneSwarmSearch.incident.patterns import PARALLEL, Pattern
 
@@ -63,14 +64,18 @@ class Boxes(NamedTuple):
     parameters: Floats
 
 
+Shape = Boxes | FreePatterns | Worksheet
+"""The patterns of all drones, relative to an area."""
+
+
 @dataclass(frozen=True, eq=False)
-class _Frame:
-    """The directions and lengths of a pattern or a rectangle, in metres.
+class Rectangle:
+    """Where a pattern, or the boxes of all drones, lie; in metres.
 
     Attributes:
         centre: at take-off, (east, north).
         heading: of the first leg, in radians clockwise from north.
-        along, aside: unit vectors along the first leg, and to the side to which drones creep.
+        side: 1 if drones creep to starboard of the first leg, -1 if to port.
         length: along the legs.
         width: across them.
         spacing: between them.
@@ -79,12 +84,22 @@ class _Frame:
 
     centre: Floats
     heading: float
-    along: Floats
-    aside: Floats
+    side: int
     length: float
     width: float
     spacing: float
     drift: Floats
+
+    @property
+    def along(self) -> Floats:
+        """The unit vector along the first leg."""
+        return np.array([np.sin(self.heading), np.cos(self.heading)])
+
+    @property
+    def aside(self) -> Floats:
+        """The unit vector to the side to which drones creep."""
+        right = np.array([np.cos(self.heading), -np.sin(self.heading)])
+        return right * self.side
 
 
 class Area:
@@ -111,17 +126,15 @@ class Area:
 
     # Patterns.
 
-    def _frame(self, shape: FreePattern | Boxes, size: float) -> _Frame:
+    def _rectangle(self, shape: FreePattern | Boxes, size: float) -> Rectangle:
         """What the parameters of a shape mean, if `size` is the usual side of its rectangle."""
         x, y, heading, length, width, spacing = shape.parameters
         heading = heading * np.pi / 2 % (2 * np.pi)
-        along = np.array([np.sin(heading), np.cos(heading)])
         swath = self.incident.swath
-        return _Frame(
+        return Rectangle(
             centre=self.middle + self._root @ [x, y] - self._away / 2 * shape.moving,
             heading=float(heading),
-            along=along,
-            aside=along[::-1] * [1, -1] * shape.side,
+            side=shape.side,
             length=max(float(size * np.exp(np.clip(length / 2, -3.0, 2.0))), swath),
             width=float(size * np.exp(np.clip(width / 2, -3.0, 2.0))),
             spacing=float(swath * np.exp(np.clip(0.2 * spacing, -1.0, 1.0))),
@@ -130,7 +143,7 @@ class Area:
 
     def pattern(self, free: FreePattern) -> Pattern:
         """The pattern of one drone."""
-        frame = self._frame(free, self._size)
+        frame = self._rectangle(free, self._size)
         legs = 1
         start = frame.centre
         if free.kind == PARALLEL:
@@ -149,44 +162,52 @@ class Area:
         )
 
     def boxes(self, boxes: Boxes) -> list[Pattern]:
-        """The pattern of each drone in its box.
+        """The pattern of each drone in its box."""
+        rectangle = self._rectangle(boxes, self._size * np.sqrt(len(self.drones)))
+        return self.divided(rectangle, boxes.abreast)
+
+    def divided(self, rectangle: Rectangle, abreast: bool) -> list[Pattern]:
+        """The pattern of each drone in its box of a rectangle.
 
         Boxes are as large as the time that their drones have there. Legs end half a spacing inside
         of them, so that the strips of neighbours adjoin.
+
+        Args:
+            rectangle: to divide.
+            abreast: see `Boxes`.
         """
         n = len(self.drones)
-        frame = self._frame(boxes, self._size * np.sqrt(n))
-        across = max(round(frame.width / frame.spacing), 1)
+        across = max(round(rectangle.width / rectangle.spacing), 1)
         edges = np.linspace(0.0, 1.0, n + 1)  # of the boxes, as shares of the rectangle
         middles = (edges[1:] + edges[:-1] - 1)[:, None] / 2
-        way = frame.aside * frame.width if boxes.abreast else frame.along * frame.length
-        shares = self._shares(frame.centre + middles * way)
+        way = rectangle.aside * rectangle.width if abreast else rectangle.along * rectangle.length
+        shares = self._shares(rectangle.centre + middles * way)
         edges = np.append(0.0, shares.cumsum())
-        corner = frame.centre - frame.along * frame.length / 2
-        if not boxes.abreast:
-            corner = corner - frame.aside * (across - 1) * frame.spacing / 2
-            lengths = np.maximum(frame.length * shares - frame.spacing, self.incident.swath)
-            begins = frame.length * edges[:-1] + frame.spacing / 2
-            starts = corner + begins[:, None] * frame.along
+        corner = rectangle.centre - rectangle.along * rectangle.length / 2
+        if not abreast:
+            corner = corner - rectangle.aside * (across - 1) * rectangle.spacing / 2
+            lengths = np.maximum(rectangle.length * shares - rectangle.spacing, self.incident.swath)
+            begins = rectangle.length * edges[:-1] + rectangle.spacing / 2
+            starts = corner + begins[:, None] * rectangle.along
             legs = np.full(n, across)
         else:
             across = max(across, n)
             lines = np.maximum(np.rint(edges * across).astype(int), np.arange(n + 1))
             legs = np.maximum(np.diff(lines), 1)
             first = np.append(0, legs.cumsum())
-            corner = corner - frame.aside * (first[-1] - 1) * frame.spacing / 2
-            starts = corner + first[:-1, None] * frame.spacing * frame.aside
-            lengths = np.full(n, frame.length)
+            corner = corner - rectangle.aside * (first[-1] - 1) * rectangle.spacing / 2
+            starts = corner + first[:-1, None] * rectangle.spacing * rectangle.aside
+            lengths = np.full(n, rectangle.length)
         return [
             Pattern(
                 kind=PARALLEL,
                 start=start,
-                heading=frame.heading,
+                heading=rectangle.heading,
                 length=float(length),
-                spacing=frame.spacing,
+                spacing=rectangle.spacing,
                 legs=int(count),
-                side=boxes.side,
-                drift=frame.drift,
+                side=rectangle.side,
+                drift=rectangle.drift,
             )
             for start, length, count in zip(starts, lengths, legs, strict=True)
         ]
@@ -195,28 +216,43 @@ class Area:
         """Shares of the drones by the time that each has at its point, (n, 2); they sum to 1."""
         times = []
         for drone, middle in zip(self.drones, middles, strict=True):
-            there, back = self.ways(drone, middle)
+            there, back = drone.ways(middle)
             times.append(drone.endurance - 2 * drone.climbing - np.nan_to_num(there + back))
         least = LEAST_SHARE * max(max(times), 1.0)
         long = np.maximum(times, least)
         shares: Floats = long / long.sum()
         return shares
 
-    def ways(self, drone: Drone, point: Floats) -> tuple[float, float]:
-        """Seconds from the base to a point and back, in the wind there; NaN without headway."""
-        way = (point - drone.base)[:, None]
-        length = np.hypot(*way)
-        unit = way / np.maximum(length, 1e-9)
-        wind = drone.wind(np.zeros(1), point[:, None])
-        there = length / drone.ground_speed(wind, unit)
-        back = length / drone.ground_speed(wind, -unit)
-        return float(there[0]), float(back[0])
-
-    def patterns(self, shape: Boxes | FreePatterns) -> list[Pattern]:
+    def patterns(self, shape: Shape) -> list[Pattern]:
         """The pattern of each drone."""
         if isinstance(shape, Boxes):
             return self.boxes(shape)
+        if isinstance(shape, Worksheet):
+            return self.manual(shape)
         return [self.pattern(free) for free in shape]
+
+    def manual(self, sheet: Worksheet) -> list[Pattern]:
+        """The rectangle of the manual's worksheets, divided into boxes.
+
+        Boxes lie beside each other along the longer side. The first corner is the nearest to the
+        base.
+        """
+        length, width = sheet.sides
+        choices = []
+        for turn in (0.0, np.pi):
+            for side in (-1, 1):
+                rectangle = Rectangle(
+                    centre=sheet.middle,
+                    heading=(sheet.heading + turn) % (2 * np.pi),
+                    side=side,
+                    length=length,
+                    width=width,
+                    spacing=sheet.spacing,
+                    drift=np.zeros(2),
+                )
+                choices.append(self.divided(rectangle, abreast=True))
+        base = self.drones[0].base
+        return min(choices, key=lambda patterns: np.hypot(*(patterns[0].start - base)))
 
     def as_free(self, boxes: Boxes) -> FreePatterns:
         """The same patterns, each on its own."""
@@ -247,7 +283,7 @@ class Area:
         known = self.incident
         return self.particles.missed(legs, known.swath, known.probability_of_detection)
 
-    def left(self, shape: Boxes | FreePatterns) -> float:
+    def left(self, shape: Shape) -> float:
         """The probability that all drones miss the person; 1 if one cannot fly its pattern."""
         left = self.particles.weights
         for drone, pattern in zip(self.drones, self.patterns(shape), strict=True):

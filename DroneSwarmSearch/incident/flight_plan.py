@@ -17,7 +17,7 @@ from DroneSwarmSearch.geo.coast import NONE, Land
 from DroneSwarmSearch.geo.units import KNOT, radioed
 from DroneSwarmSearch.incident.coast import NEAR
 from DroneSwarmSearch.incident.drone import drone_of
-from DroneSwarmSearch.incident.families import Boxes, FreePatterns
+from DroneSwarmSearch.incident.families import Shape
 from DroneSwarmSearch.incident.flights import (
     Waypoint,
     down_to_the_minute,
@@ -27,6 +27,7 @@ from DroneSwarmSearch.incident.flights import (
     up_to_the_minute,
 )
 from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.manual import Worksheet
 from DroneSwarmSearch.incident.orders import Order, read_aloud
 from DroneSwarmSearch.incident.particles import Particles
 from DroneSwarmSearch.incident.patterns import Pattern
@@ -91,7 +92,7 @@ class FlightPlan:
         points_more: by how many percentage points free patterns find more than adjacent boxes; None
             if the plan is adjacent boxes.
         shape: the patterns relative to the area, with which a similar plan can begin: adjacent
-            boxes, or free patterns.
+            boxes, free patterns, or the manual's worksheets.
         delays: what a later take-off would change, in the order of the minutes.
         alternatives: what other values of the incident would change, see `alternatives`.
     """
@@ -100,7 +101,7 @@ class FlightPlan:
     patterns: tuple[Pattern, ...] = field(repr=False)
     flights: tuple[list[Waypoint], ...] = field(repr=False)
     particles: Particles = field(repr=False)
-    shape: Boxes | FreePatterns = field(repr=False)
+    shape: Shape = field(repr=False)
     points_more: float | None = None
     delays: tuple[Delay, ...] = field(default=(), repr=False)
     alternatives: tuple[Alternative, ...] = field(default=(), repr=False)
@@ -250,6 +251,11 @@ class FlightPlan:
     @property
     def _family(self) -> str:
         """How the patterns divide the area."""
+        if isinstance(self.shape, Worksheet):
+            return (
+                f"The manual's rectangle: total probable error {_miles(self.shape.error)}, datums "
+                f"{_miles(self.shape.divergence)} apart, search radius {_miles(self.shape.radius)}."
+            )
         if self.points_more is not None:
             return (
                 f"Free patterns, which find {self.points_more:.0f} points more than adjacent boxes."
@@ -331,6 +337,11 @@ class FlightPlan:
             f"They find {incident.probability_of_detection:.0%} of those in a strip of "
             f"{incident.swath:.0f} m, which already accounts for sea, light and visibility.",
         ]
+
+
+def _miles(metres: float) -> str:
+    """A length in nautical miles."""
+    return f"{metres / 1852:.2f} NM"
 
 
 def _speed(speed: float) -> str:

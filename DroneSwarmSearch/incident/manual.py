@@ -1,9 +1,9 @@
 """The plan of the IAMSAR Manual's worksheets: the baseline that a plan of ours must beat.
 
-International Aeronautical and Maritime Search and Rescue Manual, IMO and ICAO, volume II, chapter 4,
-and its Datum, Total Probable Error and Effort Allocation Worksheets. Two datums, for objects that
-diverge to the right and to the left of the wind; a total probable error E around each; and the
-rectangle that is best for the effort at hand, searched evenly.
+International Aeronautical and Maritime Search and Rescue Manual, IMO and ICAO, volume II, chapter
+4, and its Datum, Total Probable Error and Effort Allocation Worksheets. There are two datums, for
+objects that diverge to the right and to the left of the wind; a total probable error E around each;
+and the rectangle that is best for the effort at hand, searched evenly.
 
 A probable error is the radius of the circle that holds half of a circular normal distribution.
 """

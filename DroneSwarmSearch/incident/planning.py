@@ -22,13 +22,15 @@ from DroneSwarmSearch.incident.choice import (
     better_boxes,
     first_boxes,
     free_patterns,
+    refusal,
 )
 from DroneSwarmSearch.incident.coast import Coast
 from DroneSwarmSearch.incident.drone import Drone
-from DroneSwarmSearch.incident.families import Area, Boxes, FreePatterns
+from DroneSwarmSearch.incident.families import Area, Boxes, FreePatterns, Shape
 from DroneSwarmSearch.incident.flight_plan import Alternative, Delay, FlightPlan
 from DroneSwarmSearch.incident.flights import Flight, Waypoint, least_distance
 from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.manual import Worksheet, worksheet
 from DroneSwarmSearch.incident.particles import Particles, simulate
 from DroneSwarmSearch.incident.patterns import LEGS_LEFT_OUT, Pattern, point_along
 
@@ -37,6 +39,10 @@ MANY = 5_000  # particles to improve them
 FIGURES = 25_000  # particles of all figures, whose standard errors are then at most 0.3%
 
 QUICK = 5  # generations of an alternative
+BEST = "best"
+MANUAL = "manual"
+METHODS = (BEST, MANUAL)
+
 LAPS = 2  # in which all free patterns are improved
 
 POINTS_MORE = 2.0
@@ -57,7 +63,11 @@ MOST_BEGINNINGS = 10
 
 
 def plan(
-    incident: Incident, *, seconds: float | None = None, with_alternatives: bool = False
+    incident: Incident,
+    *,
+    method: str = BEST,
+    seconds: float | None = None,
+    with_alternatives: bool = False,
 ) -> FlightPlan:
     """Plan the flights of all drones: out, a search pattern, and back.
 
@@ -66,6 +76,8 @@ def plan(
 
     Args:
         incident: what is known.
+        method: "best"; or "manual", the plan of the IAMSAR Manual's worksheets, as a baseline: the
+            rectangle that they find, divided into adjacent boxes, see `incident.manual`.
         seconds: the CPU time after which patterns are no longer improved; the first ones take
             about a second a drone, whatever it is. By default, the work is fixed, so that equal
             incidents give equal plans.
@@ -75,23 +87,32 @@ def plan(
         ImportError: the package cmaes, of the extra "plan", is missing.
         ValueError: the drones cannot fly in that wind, or not reach the area and return.
     """
+    checks.choice("method", method, METHODS)
     if seconds is not None:
         seconds = checks.positive("seconds", seconds)
-    deadline = Deadline(seconds)
+    figures = simulate(incident, FIGURES, 0)
+    if method == MANUAL:
+        made = _flown(Area(incident, figures), worksheet(incident), figures)
+    else:
+        made = _best(incident, figures, Deadline(seconds))
+    made = replace(made, delays=_delays(made))
+    if with_alternatives:
+        made = replace(made, alternatives=tuple(alternatives(made)))
+    return made
+
+
+def _best(incident: Incident, figures: Particles, deadline: Deadline) -> FlightPlan:
+    """The best adjacent boxes, or free patterns if they find clearly more."""
     many = simulate(incident, MANY, 1)
     few = Area(incident, many.first(FEW))
     with progress("planning", 1.0) as on_progress:
         shapes = _chosen(few, Area(incident, many), deadline, on_progress)
-    figures = simulate(incident, FIGURES, 0)
     plans = [_flown(few, shape, figures) for shape in shapes]
     made = plans[0]
     for other in plans[1:]:
         more = 100 * (other.probability_of_success - made.probability_of_success)
         if more >= POINTS_MORE:
             made = replace(other, points_more=more)
-    made = replace(made, delays=_delays(made))
-    if with_alternatives:
-        made = replace(made, alternatives=tuple(alternatives(made)))
     return made
 
 
@@ -160,22 +181,28 @@ def _alternative(name: str, made: FlightPlan, **values: Any) -> Alternative:
     return Alternative(name, points=100 * more)
 
 
-def _quickly_improved(area: Area, shape: Boxes | FreePatterns) -> Boxes | FreePatterns:
+def _quickly_improved(area: Area, shape: Shape) -> Shape:
     """The shape for another area, with little work; drones without a pattern get one."""
     effort = Effort(Deadline(None), QUICK)
+    if isinstance(shape, Worksheet):
+        return worksheet(area.incident)
     if isinstance(shape, Boxes):
         return better_boxes(area, shape, effort)
     return free_patterns(area, shape, effort) or shape
 
 
-def _flown(area: Area, shape: Boxes | FreePatterns, figures: Particles) -> FlightPlan:
+def _flown(area: Area, shape: Shape, figures: Particles) -> FlightPlan:
     """The plan in which drones fly the patterns of a shape, as far as they are at sea."""
     incident = area.incident
     coast = Coast(incident)
+    wanted = area.patterns(shape)
+    can_fly = [drone.fly(each) is not None for drone, each in zip(area.drones, wanted, strict=True)]
+    if not all(can_fly):
+        raise CannotFlyError(refusal(area))
     patterns: list[Pattern] = []
     flights: list[list[Waypoint]] = []
-    for drone, wanted in zip(area.drones, area.patterns(shape), strict=True):
-        pattern = begun_at_sea(wanted, drone, incident.plane, coast)
+    for drone, whole in zip(area.drones, wanted, strict=True):
+        pattern = begun_at_sea(whole, drone, incident.plane, coast)
         pattern, flight = _kept_apart(incident, drone, pattern, flights)
         patterns.append(pattern)
         flights.append(flight)
