@@ -8,6 +8,7 @@ and Pillow give the same bytes.
 
 from __future__ import annotations
 
+import io
 import re
 import shlex
 import subprocess
@@ -59,13 +60,37 @@ def gallery() -> None:
 
 
 def plan() -> None:
-    """Run the command of the guide "From a distress call to a plan", and save its map."""
+    """Run the command of the guide "From a distress call to a plan"; save its map and its page."""
     guide = (IMAGES.parent / "guides" / "incident.md").read_text("utf-8")
     (command,) = re.findall(r"^droneswarmsearch (plan --position .* --out) plan$", guide, re.M)
     with TemporaryDirectory() as folder:
         cli.main([*shlex.split(command), folder])
         picture = Image.open(Path(folder) / "map.png").convert("RGB")
         picture.quantize(64).save(IMAGES / "plan.png", optimize=True)
+        photograph(Path(folder) / "plan.html")
+
+
+def photograph(page: Path) -> None:
+    """Save pictures of a plan's page in both themes, after 15 minutes; needs Chromium."""
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage"):
+        options.add_argument(argument)
+    browser = webdriver.Chrome(options=options)
+    size = {"width": 1240, "height": 840, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    for theme in ("light", "dark"):
+        features = [{"name": "prefers-color-scheme", "value": theme}]
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+        browser.get(page.as_uri())
+        browser.execute_script(
+            "const time = document.getElementById('time'); time.value = 900;"
+            "time.dispatchEvent(new Event('input'));"
+        )
+        picture = Image.open(io.BytesIO(browser.get_screenshot_as_png())).convert("RGB")
+        picture.quantize(128).save(IMAGES / f"plan-page-{theme}.png", optimize=True)
+    browser.quit()
 
 
 def trained() -> None:

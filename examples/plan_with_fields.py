@@ -4,9 +4,9 @@
     python examples/plan_with_fields.py --out runs/strait
 
 A tide of one knot and a half runs between two coasts, with an eddy in its middle; the wind grows
-towards the east. The files have the names and units of the CF conventions, as those of ocean and
-weather models. The drift of the particles without errors is compared with a fine integration of the
-same currents, and their plan is written.
+towards the east. The files are as Copernicus Marine and the Climate Data Store ship theirs. The
+drift of the particles without errors is compared with a fine integration of the same currents, and
+their plan is written.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-import netCDF4
 import numpy as np
+import xarray as xr
 
 from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.incident import Incident, plan, simulate, write
@@ -41,24 +41,44 @@ def wind(seconds: Any, latitude: Any, longitude: Any) -> Any:
     return np.array([6 + 5 * (longitude - MIDDLE[1]), -3 + 0 * latitude])
 
 
-def write_field(path: Path, field: Any, names: tuple[str, str], points: int) -> None:
-    """Write a field every half hour, on a grid of some points along each axis."""
+def write_ocean(path: Path) -> None:
+    """Write the current as Copernicus Marine ships it: packed, with one depth; land is missing."""
+    axes, (east, north) = field(current, 300)
+    dimensions = ("time", "depth", "latitude", "longitude")
+    variables = {
+        "uo": (dimensions, east[:, None], {"standard_name": "eastward_sea_water_velocity"}),
+        "vo": (dimensions, north[:, None], {"standard_name": "northward_sea_water_velocity"}),
+    }
+    data = xr.Dataset(variables, coords={**axes, "depth": [0.49]})
+    data["depth"].attrs = {"units": "m", "positive": "down", "axis": "Z"}
+    packing = {"dtype": "i2", "scale_factor": 0.0001, "add_offset": 0.0, "_FillValue": -32767}
+    for name in variables:
+        data[name].attrs["units"] = "m s-1"
+    data.to_netcdf(path, encoding=dict.fromkeys(variables, packing))
+
+
+def write_weather(path: Path) -> None:
+    """Write the wind as the Climate Data Store ships ERA5: latitudes fall, with `valid_time`."""
+    axes, (east, north) = field(wind, 30)
+    dimensions = ("valid_time", "latitude", "longitude")
+    variables = {"u10": (dimensions, east), "v10": (dimensions, north)}
+    times = axes.pop("time")
+    coordinates = {"number": 0, "valid_time": times, **axes}
+    data = xr.Dataset(variables, coords=coordinates).isel(latitude=slice(None, None, -1))
+    for name in variables:
+        data[name].attrs = {"units": "m s**-1", "GRIB_typeOfLevel": "surface"}
+    data.coords["expver"] = ("valid_time", ["0001"] * len(HOURS))
+    data.to_netcdf(path)
+
+
+def field(velocity: Any, points: int) -> tuple[dict[str, Any], Any]:
+    """Axes, and a velocity every half hour on a grid of some points along each axis."""
     latitudes = MIDDLE[0] + np.linspace(-0.3, 0.3, points)
     longitudes = MIDDLE[1] + np.linspace(-0.5, 0.5, points)
-    axes = {"time": HOURS, "latitude": latitudes, "longitude": longitudes}
-    units = "hours since 2026-03-01", "degrees_north", "degrees_east"
-    with netCDF4.Dataset(path, "w") as data:
-        data.title = path.stem
-        for (name, values), unit in zip(axes.items(), units, strict=True):
-            data.createDimension(name, len(values))
-            data.createVariable(name, "f8", (name,))[:] = values
-            data[name].units = unit
-        grid = np.meshgrid(3600 * HOURS, latitudes, longitudes, indexing="ij")
-        for name, values in zip(names, field(*grid), strict=True):
-            variable = data.createVariable(name, "f4", (*axes,), fill_value=1e20)
-            variable.standard_name = name
-            variable.units = "m s-1"
-            variable[:] = np.ma.masked_invalid(values)
+    grid = np.meshgrid(3600 * HOURS, latitudes, longitudes, indexing="ij")
+    times = np.datetime64("2026-03-01", "ns") + (3600 * HOURS).astype("timedelta64[s]")
+    axes = {"time": times, "latitude": latitudes, "longitude": longitudes}
+    return axes, velocity(*grid)
 
 
 def integrated(places: Any, begin: float, end: float, step: float = 10.0) -> Any:
@@ -76,9 +96,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="the folder to write")
     folder = parser.parse_args().out
     folder.mkdir(parents=True, exist_ok=True)
-    names = "eastward_sea_water_velocity", "northward_sea_water_velocity"
-    write_field(folder / "ocean.nc", current, names, 300)
-    write_field(folder / "weather.nc", wind, ("x_wind", "y_wind"), 30)
+    write_ocean(folder / "ocean.nc")
+    write_weather(folder / "weather.nc")
     incident = Incident(
         position=(54.19, 4.86),
         time="2026-03-01T01:00Z",
@@ -110,7 +129,7 @@ def main() -> None:
     print(f"after 2 hours, the particles' mean is {off:.0f} m from the exact one, {way:.0f} m away")
     flights = plan(incident)
     write(flights, folder / "plan")
-    print(incident.sentence, *flights.orders, *flights.assumptions, sep="\n")
+    print(incident.sentence, *flights.briefing, *flights.orders, *flights.assumptions, sep="\n")
     print(f"probability of success: {flights.probability_of_success:.0%}")
 
 

@@ -182,8 +182,10 @@ def optimal_search_factor(relative_effort: float) -> float:
 
 def _on_scene(drone: Drone, point: Floats) -> float:
     """The seconds that a drone has around a point."""
-    there, back = drone.ways(point)
-    return max(drone.endurance - 2 * drone.climbing - there - back, 0.0)
+    ways = sum(drone.ways(point))
+    if math.isnan(ways):
+        return 0.0
+    return max(drone.endurance - 2 * drone.climbing - ways, 0.0)
 
 
 def _swept(incident: Incident) -> list[float]:

@@ -92,7 +92,11 @@ def plan(
         seconds = checks.positive("seconds", seconds)
     figures = simulate(incident, FIGURES, 0)
     if method == MANUAL:
-        made = _flown(Area(incident, figures), worksheet(incident), figures)
+        area = Area(incident, figures)
+        sheet = worksheet(incident)
+        if sheet.effort <= 0.0:
+            raise CannotFlyError(refusal(area))
+        made = _flown(area, sheet, figures)
     else:
         made = _best(incident, figures, Deadline(seconds))
     made = replace(made, delays=_delays(made))
