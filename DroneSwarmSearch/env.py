@@ -91,7 +91,8 @@ class DroneSwarmSearch(SearchSpaces):
     Args:
         grid_size: see `Scenario` for this and the other parameters of the search: `n_drones`,
             `vector`, `person_initial_position`, `disperse_constant`, `timestep_limit`,
-            `probability_of_detection`, `bayesian_update`, `reward_scheme`, `persons`, `mission`.
+            `probability_of_detection`, `bayesian_update`, `reward_scheme`, `persons`, `mission`,
+            `shared_drift`.
         render_mode: "human" (a window), "ansi" (`render` returns text), "rgb_array"
             (`render` returns a picture) or None.
         render_grid: draw lines between the cells.
@@ -130,6 +131,7 @@ class DroneSwarmSearch(SearchSpaces):
         reward_scheme: RewardScheme = RewardScheme(),  # noqa: B008 (frozen)
         persons: Sequence[Person] | Person | None = None,
         mission: str = "rescue",
+        shared_drift: bool = False,
         scenario: Scenario | None = None,
         palette: str = "sea",
     ) -> None:
@@ -147,6 +149,7 @@ class DroneSwarmSearch(SearchSpaces):
             reward_scheme=reward_scheme,
             persons=persons,
             mission=mission,
+            shared_drift=shared_drift,
         )
         modes = (*self.metadata["render_modes"], None)
         self.render_mode = checks.choice("render_mode", render_mode, modes)

@@ -26,6 +26,11 @@ independently, so by induction over the steps left, with V_i for a search for pe
     V(m) = max over actions of the sum over sets R of persons of prod_{i not in R} f_i V_R(m')
         <= max over actions of prod_i (f_i + V_i(m'_i)) <= prod_i V_i(m_i).
 
+Persons who drift together (`Scenario.shared_drift`) are independent given the hypothesis k. A
+policy that is told k before the first step can ignore it, so no policy finds more than the best one
+that is told; its success given k is at most the bound for a search in which k is certain. The bound
+is therefore the mean of these bounds over the hypotheses.
+
 In a coverage mission, the bound is the mean over persons. `Person.survival` is left out: who is
 found alive is found, so the bound also holds for finding alive.
 """
@@ -36,7 +41,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -140,12 +145,45 @@ def success_bound(
     if memory is not None:
         checks.integer("memory", memory, 0, MOST_MEMORY)
 
-    ends = _ends(limit, min(horizons, limit))
+    options = _Options(
+        memory=memory, sample=sample, gap=gap, ends=_ends(limit, min(horizons, limit))
+    )
+    cases = scenario.by_hypothesis()
+    failure = (1.0 - CONFIDENCE) / len(cases)
+    bounds = [_bound(known, starts, options, failure) for _, known in cases]
+    weights = [weight for weight, _ in cases]
+
+    def mean(values: Sequence[Any]) -> Any:
+        return np.average(values, axis=0, weights=weights)
+
+    certain = all(bound.confidence == 1.0 for bound in bounds)
+    return SuccessBound(
+        by_time=mean([bound.by_time for bound in bounds]),
+        relaxed=float(mean([bound.relaxed for bound in bounds])),
+        gap=float(mean([bound.gap for bound in bounds])),
+        confidence=1.0 if certain else CONFIDENCE,
+    )
+
+
+class _Options(NamedTuple):
+    """How much work a bound may take, see `success_bound`; `ends` are the numbers of steps."""
+
+    memory: int | None
+    sample: int
+    gap: float
+    ends: list[int]
+
+
+def _bound(
+    scenario: Scenario, starts: list[int], options: _Options, may_fail: float
+) -> SuccessBound:
+    """The bound for persons who drift on their own, which fails with some probability."""
+    limit = scenario.timestep_limit
     persons = scenario.persons_to_find
     models = dict(zip(persons, scenario.forecasts(), strict=True))  # equal persons share a bound
     enumerated = [enumerate_trajectories(model, limit) for model in models.values()]
     sampled = enumerated.count(None)
-    failure = (1.0 - CONFIDENCE) / max(1, sampled)
+    failure = may_fail / max(1, sampled)
     curves = []
     solutions = []
     for (person, model), every in zip(models.items(), enumerated, strict=True):
@@ -153,11 +191,11 @@ def success_bound(
             model=model,
             detection=person.probability_of_detection,
             starts=starts,
-            trajectories=every or sample_trajectories(model, limit, sample),
+            trajectories=every or sample_trajectories(model, limit, options.sample),
             failure=None if every else failure,
-            gap=gap,
+            gap=options.gap,
         )
-        curve, solution = relaxation.curve(ends, memory)
+        curve, solution = relaxation.curve(options.ends, options.memory)
         curves.append(curve)
         solutions.append(solution)
 
@@ -168,7 +206,7 @@ def success_bound(
         by_time=_of_all(curves, counts, scenario.mission),
         relaxed=float(value),
         gap=float(upper - value),
-        confidence=CONFIDENCE if sampled else 1.0,
+        confidence=1.0 - may_fail if sampled else 1.0,
     )
 
 

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Ints
+from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.rules import RewardScheme, SearchRules
 from DroneSwarmSearch.drift.axes import dispersion_rate
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.models import drift_model
-from DroneSwarmSearch.persons.hypotheses import Drift
+from DroneSwarmSearch.persons.hypotheses import Drift, Hypotheses
 from DroneSwarmSearch.persons.person import Person
 
 _DRONE_BYTES = 900  # approximate memory of one drone during an episode, including its observations
@@ -57,6 +57,10 @@ class Scenario:
         persons: the persons to find if their start or drift is uncertain, one `Person` or
             several; in place of `vector`, `person_initial_position`, `disperse_constant` and
             `probability_of_detection`, which then keep their defaults; or None.
+        shared_drift: whether all persons drift by the same hypothesis, as those of one wreck do in
+            one sea: each episode draws one for all of them. They must have equally many
+            hypotheses, with equal weights. With `bayesian_update`, a find then tells about those
+            who are still missing.
         mission: "rescue", to find all persons; or "coverage", to gain as much probability of
             success as possible: nobody is found, and the episode ends once less than 1% is
             left to find.
@@ -77,6 +81,7 @@ class Scenario:
     reward_scheme: RewardScheme = field(default=RewardScheme(), kw_only=True)
     persons: tuple[Person, ...] | None = field(default=None, kw_only=True)
     mission: str = field(default="rescue", kw_only=True)
+    shared_drift: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
         size = checks.integer("grid_size", self.grid_size, 2)
@@ -93,6 +98,7 @@ class Scenario:
             "probability_of_detection": _detection(self.probability_of_detection, cells),
             "bayesian_update": checks.boolean("bayesian_update", self.bayesian_update),
             "mission": checks.choice("mission", self.mission, MISSIONS),
+            "shared_drift": checks.boolean("shared_drift", self.shared_drift),
         }
         if not isinstance(self.reward_scheme, RewardScheme):
             raise TypeError(f"reward_scheme must be a RewardScheme, got {self.reward_scheme!r}")
@@ -108,6 +114,8 @@ class Scenario:
                     )
         for name, value in values.items():
             object.__setattr__(self, name, value)
+        if self.shared_drift:
+            _check_shared(self.persons_to_find)
         # Two float32 matrices, and two float64 beliefs for each person and hypothesis.
         beliefs = sum(len(person.drift.weights) for person in self.persons or ()) or len(cells)
         cell_bytes = 8 + 16 * beliefs * self.bayesian_update
@@ -194,6 +202,36 @@ class Scenario:
     def detections(self) -> tuple[float, ...]:
         """The probability of detection of each person."""
         return tuple(person.probability_of_detection for person in self.persons_to_find)
+
+    @property
+    def shared_weights(self) -> Floats | None:
+        """The weights of the hypotheses by which all persons drift, (hypotheses,).
+
+        None if each person drifts alone.
+        """
+        if not self.shared_drift:
+            return None
+        return np.array(self.persons_to_find[0].drift.weights)
+
+    def by_hypothesis(self) -> list[tuple[float, Scenario]]:
+        """The search if each hypothesis of a shared drift were known to be true, with its weight.
+
+        A single pair of 1 and the scenario itself if each person drifts alone.
+        """
+        weights = self.shared_weights
+        if weights is None:
+            return [(1.0, self)]
+        persons = self.persons_to_find
+        return [
+            (
+                float(weight),
+                self.replace(
+                    persons=[replace(who, drift=who.drift.drifts[number]) for who in persons],
+                    shared_drift=False,
+                ),
+            )
+            for number, weight in enumerate(weights)
+        ]
 
     @property
     def keeps_beliefs(self) -> bool:
@@ -294,6 +332,23 @@ def _persons(value: object, grid_size: int, timestep_limit: int) -> tuple[Person
         person.drift.check(grid_size, timestep_limit, f"persons[{index}]")
         checked.append(person)
     return tuple(checked)
+
+
+def _check_shared(persons: tuple[Person, ...]) -> None:
+    """Raise a ValueError unless persons can share a hypothesis."""
+    first = [*persons[0].drift.weights]
+    for index, person in enumerate(persons):
+        if not isinstance(person.drift, Hypotheses):
+            raise ValueError(
+                f"shared_drift needs persons described by Drift, got {person.drift!r:.100} for "
+                f"persons[{index}]"
+            )
+        weights = [*person.drift.weights]
+        if weights != first:
+            raise ValueError(
+                "shared_drift needs persons with equally many hypotheses and equal weights, got "
+                f"{first} for persons[0] and {weights} for persons[{index}]"
+            )
 
 
 def _person_from_dict(index: int, data: object) -> object:

@@ -6,7 +6,10 @@ step and a person, so it does not matter when draws are made, or how many at a t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch._internal.streams import Streams
@@ -18,6 +21,12 @@ from DroneSwarmSearch.drift.belief import (
     mean_forecast,
     mean_over_missing,
     shown_matrix,
+)
+from DroneSwarmSearch.drift.shared import (
+    SharedDrift,
+    after_shared_search,
+    draws_given,
+    shared_added_success,
 )
 
 _FEWEST_AHEAD = 8
@@ -48,6 +57,7 @@ class WorldState:
         self._detections = scenario.detections
         self._keeps_beliefs = scenario.keeps_beliefs
         self._shows_beliefs = scenario.bayesian_update
+        self._shared_weights = scenario.shared_weights
         self._pays_expectation = scenario.reward_scheme.expected_finds
         self.is_rescue = scenario.mission == "rescue"
         self.persons = tuple(range(len(self._models)))
@@ -62,6 +72,7 @@ class WorldState:
         self._paths: list[list[int]] = []  # each person's states over some steps
         self._paths_first = 0  # the first of these steps
         self._beliefs: list[Belief] | None = None  # from the first search on
+        self._shared: SharedDrift | None = None  # the same, if persons drift together
         self.success = 0.0 if self._keeps_beliefs else None
         self.is_covered = False
         return self._shown_matrix()
@@ -87,12 +98,20 @@ class WorldState:
     def person_cell(self, person: int) -> int:
         """A person's current cell, y * N + x."""
         if not self._paths:
-            draws = self._streams.start.between(self._episode, 0, len(self.persons))
+            draws = self._start_draws()
             models = zip(self._models, draws, strict=True)
             self._paths = [[int(model.start(draw))] for model, draw in models]
         while self.step >= self._paths_first + len(self._paths[0]):
             self._walk()
         return int(self._models[person].cells(self._paths[person][self.step - self._paths_first]))
+
+    def _start_draws(self) -> Any:
+        """A uniform draw for the start of each person; after them comes that of a hypothesis."""
+        n = len(self.persons)
+        if self._shared_weights is None:
+            return self._streams.start.between(self._episode, 0, n)
+        *draws, hypothesis = self._streams.start.between(self._episode, 0, n + 1)
+        return draws_given(np.array(hypothesis), np.array(draws), self._shared_weights)
 
     def _walk(self) -> None:
         """Let all persons walk some steps."""
@@ -113,22 +132,37 @@ class WorldState:
     def search(self, searches: Mapping[int, int]) -> set[int]:
         """Let drones, given by cell, search, and update the beliefs; returns those with a find."""
         finders = set()
+        found = {}
         for person in self.missing if self.is_rescue else ():
             cell = self.person_cell(person)
             if cell in searches and self._is_detected(person):
                 finders.add(searches[cell])
+                found[person] = cell
                 self.finds[person] = searches[cell], cell
                 self.missing = tuple(other for other in self.missing if other != person)
         if self._keeps_beliefs:
-            self._beliefs = [belief.after_search(searches) for belief in self._begun_beliefs()]
-            self.success = 1.0 - mean_over_missing([belief.failure for belief in self._beliefs], ())
-            self.is_covered = not self.is_rescue and self.success > COVERED_AT
+            self._update_beliefs(searches, found)
         return finders
+
+    def _update_beliefs(self, cells: Collection[int], found: Mapping[int, int]) -> None:
+        """Apply Bayes' rule to searches, and to the finds of persons in some of the cells."""
+        beliefs = self._begun_beliefs()
+        if self._shared is None:
+            self._beliefs = [belief.after_search(cells) for belief in beliefs]
+        else:
+            self._shared, self._beliefs = after_shared_search(
+                self._shared, beliefs, cells, found, self.missing
+            )
+        failures = [belief.failure for belief in self._beliefs]
+        self.success = 1.0 - mean_over_missing(failures, ())
+        self.is_covered = not self.is_rescue and self.success > COVERED_AT
 
     def _begun_beliefs(self) -> list[Belief]:
         """The beliefs, which begin with an episode's first search."""
         if self._beliefs is None:
             self._beliefs = begun_beliefs(self._models, self._detections, self.step)
+            if self._shared_weights is not None:
+                self._shared = SharedDrift.begun(self._shared_weights, len(self.persons))
         return self._beliefs
 
     def _is_detected(self, person: int) -> bool:
@@ -147,8 +181,14 @@ class WorldState:
         times the probability that the person is alive.
         """
         if self._pays_expectation:
-            pairs = zip(self._begun_beliefs(), self._persons, strict=True)
-            added = [b.added_success([*searches], person.alive(self.step)) for b, person in pairs]
+            beliefs = self._begun_beliefs()
+            alive = [person.alive(self.step) for person in self._persons]
+            cells = [*searches]
+            if self._shared is None:
+                pairs = zip(beliefs, alive, strict=True)
+                added = [belief.added_success(cells, chance) for belief, chance in pairs]
+            else:
+                added = shared_added_success(self._shared, beliefs, cells, self.missing, alive)
             return dict(zip(searches.values(), mean_over_missing(added, ()).tolist(), strict=True))
         item = self._matrix.item
         return {drone: item(cell) for cell, drone in searches.items()}

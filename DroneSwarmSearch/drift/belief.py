@@ -39,15 +39,20 @@ class Belief(NamedTuple):
 
         If they contradict the belief, its mass stays.
         """
+        mass = self.searched(cells)
+        total = normalise(mass).item()
+        if total > 0.0:  # rounding must not lower the probability of success
+            return Belief(self.model, self.detection, mass, self.failure * min(total, 1.0))
+        return self._replace(failure=0.0)
+
+    def searched(self, cells: Collection[int]) -> Floats:
+        """The mass that searches of different cells leave, not normalised; a new array."""
         mass = self.mass.copy()
         flat = mass.reshape(-1)
         missed = 1.0 - self.detection
         for cell in cells:
             flat[self.model.states(cell)] *= missed
-        total = normalise(mass).item()
-        if total > 0.0:  # rounding must not lower the probability of success
-            return Belief(self.model, self.detection, mass, self.failure * min(total, 1.0))
-        return self._replace(failure=0.0)
+        return mass
 
     def after_drift(self, step: int) -> Belief:
         """The belief one step later."""

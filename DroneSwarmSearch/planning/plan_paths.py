@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -84,10 +84,38 @@ class Known:
         plan = JointPlan(self.targets(), self.first, paths)
         return self.alive() * np.array(plan.found())
 
+    def success_by_time(self, paths: Sequence[DronePath]) -> Floats:
+        """The probability of success of paths after each step: (steps,)."""
+        if not self.is_for_everyone:
+            mean: Floats = self.found(paths).cumsum(axis=1).mean(axis=0)
+            return mean
+        total = np.zeros(self.steps)
+        for weight, known in self._independent():
+            total += weight * known.found(paths).cumsum(axis=1).prod(axis=0)
+        return total
+
     def success(self, paths: Sequence[DronePath]) -> float:
         """The probability of success of paths."""
-        found = self.found(paths).sum(axis=1)
-        return float(np.prod(found) if self.is_for_everyone else np.mean(found))
+        if not self.is_for_everyone:
+            return float(np.mean(self.found(paths).sum(axis=1)))
+        given = [(weight, known.found(paths)) for weight, known in self._independent()]
+        return sum(weight * float(np.prod(found.sum(axis=1))) for weight, found in given)
+
+    def _independent(self) -> list[tuple[float, Known]]:
+        """Cases in which persons drift independently, and their probabilities.
+
+        Persons who drift together do so given the hypothesis, which is the layer of their mass.
+        """
+        if not self.scenario.shared_drift:
+            return [(1.0, self)]
+        cases = []
+        for layer, weight in enumerate(self.beliefs[0].sum(axis=(1, 2)).tolist()):
+            if weight > 0.0:
+                given = [np.zeros_like(belief) for belief in self.beliefs]
+                for alone, belief in zip(given, self.beliefs, strict=True):
+                    alone[layer] = belief[layer] / belief[layer].sum()
+                cases.append((weight, replace(self, beliefs=given)))
+        return cases
 
 
 def plan_paths(
@@ -120,9 +148,7 @@ def plan_paths(
     )
     with progress("planning", 1.0) as on_progress:
         paths = improved(known, [_one_by_one(known, starts)], work, on_progress)
-    found = np.cumsum(known.found(paths), axis=1)
-    success = found.prod(axis=0) if known.is_for_everyone else found.mean(axis=0)
-    return PathPlan(tuple(paths), np.append(0.0, success))
+    return PathPlan(tuple(paths), np.append(0.0, known.success_by_time(paths)))
 
 
 def improved(

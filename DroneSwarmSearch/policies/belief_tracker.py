@@ -7,8 +7,9 @@ each person's exact posterior, bit for bit, and in most cases who has been found
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations, islice
-from typing import Any
+from copy import copy
+from itertools import combinations, islice, product
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from DroneSwarmSearch.core.grid import MOVES, Cell
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.belief import Belief, begun_beliefs, shown_matrix
+from DroneSwarmSearch.drift.shared import SharedDrift, after_shared_search
 
 MOST_SETS = 4096  # how many sets of found persons are compared with the matrix, smallest first
 HEADINGS = frozenset(map(Action, range(len(MOVES))))  # the actions that move a drone
@@ -53,6 +55,8 @@ class BeliefTracker:
         self.headings = (int(Action.IDLE),) * scenario.n_drones
         self._beliefs: tuple[Belief, ...] | None = None  # None before the first search
         self._perhaps_found: tuple[int, ...] = ()  # by the latest searches
+        self._shared: SharedDrift | None = None  # of persons who drift together
+        self._latest: _LatestSearches | None = None  # the same before the latest searches
 
     def __deepcopy__(self, memo: dict[int, Any]) -> BeliefTracker:
         twin = object.__new__(type(self))
@@ -91,10 +95,25 @@ class BeliefTracker:
         return Outlook(self, steps).success
 
     def worth(self, person: int, step: int) -> float:
-        """What turns the mass of a missing person in a step into `success`, before the mean."""
+        """What turns a missing person's `weighed` mass into `success`, before the mean."""
         who = self.scenario.persons_to_find[person]
-        failure = self._beliefs[person].failure if self._beliefs else 1.0
+        failure = 1.0
+        if self._beliefs is not None and self._shared is None:
+            failure = self._beliefs[person].failure
         return who.probability_of_detection * failure * who.alive(step)
+
+    def weighed(self, person: int) -> Floats:
+        """`joint`; for persons who drift together in a coverage mission, as without the searches.
+
+        Each layer then counts as much as the probability that no search so far has found the person
+        in it.
+        """
+        mass = self.joint(person)
+        if self._shared is None or self.scenario.mission != "coverage":
+            return mass
+        missing = np.ones(len(self.forecasts), np.bool_)
+        weighed: Floats = mass * self._shared.worths(missing)[person][:, None, None]
+        return weighed
 
     def matrix(self, missing: Sequence[int] | None = None) -> Singles:
         """The matrix shown while some persons, by default `missing`, are: float32, (N, N)."""
@@ -110,23 +129,40 @@ class BeliefTracker:
         if not self._perhaps_found or len(self.missing) == 1:
             return
         closest = None
-        for missing in islice(self._sets_of_missing(), MOST_SETS):
-            expected = self.matrix(missing)
+        for twin in islice(self._after_possible_finds(), MOST_SETS):
+            expected = twin.matrix()
             if np.array_equal(expected, matrix):
-                self.missing = missing
-                return
+                closest = twin
+                break
             if closest is None and np.allclose(expected, matrix, rtol=TOLERANCE, atol=1e-12):
-                closest = missing
+                closest = twin
         if closest is not None:
-            self.missing = closest
+            self.__dict__.update(closest.__dict__)
 
-    def _sets_of_missing(self) -> Iterator[tuple[int, ...]]:
-        """Possible sets of missing persons, starting with the previous one."""
+    def _after_possible_finds(self) -> Iterator[BeliefTracker]:
+        """What the swarm knows if some persons have been found, starting with nobody."""
         for count in range(len(self._perhaps_found) + 1):
             for found in combinations(self._perhaps_found, count):
                 missing = tuple(person for person in self.missing if person not in found)
-                if missing:
-                    yield missing
+                if not missing:
+                    continue
+                if self._latest is None:
+                    twin = copy(self)
+                    twin.missing = missing
+                    yield twin
+                    continue
+                for cells in product(*(self._latest.likeliest(person) for person in found)):
+                    yield self._after_finds(dict(zip(found, cells, strict=True)), missing)
+
+    def _after_finds(self, found: dict[int, int], missing: tuple[int, ...]) -> BeliefTracker:
+        """What the swarm knows if persons who drift together have been found in some cells."""
+        assert self._latest is not None
+        shared, beliefs = self._latest.after(found, missing)
+        twin = copy(self)
+        twin.missing = missing
+        twin._shared = shared
+        twin._beliefs = tuple(belief.after_drift(self.step - 1) for belief in beliefs)
+        return twin
 
     def update(self, cells: Sequence[Cell], actions: Sequence[int]) -> None:
         """Advance by a step: searches that did not find those still missing, then drift."""
@@ -141,6 +177,7 @@ class BeliefTracker:
             for action, before in zip(actions, self.headings, strict=True)
         )
         self._perhaps_found = ()
+        self._latest = None
         if searched:
             self._update_beliefs(searched)
         if self._beliefs is not None:
@@ -153,17 +190,45 @@ class BeliefTracker:
             beliefs = begun_beliefs(self.forecasts, self.scenario.detections, self.step)
         else:
             beliefs = list(self._beliefs)
-        perhaps_found = []
+        self._perhaps_found = tuple(
+            person
+            for person in self.missing
+            if beliefs[person].detection > 0.0 and beliefs[person].map().reshape(-1)[searched].any()
+        )
+        weights = self.scenario.shared_weights
+        if weights is not None:
+            shared = self._shared or SharedDrift.begun(weights, len(beliefs))
+            self._latest = _LatestSearches(shared, tuple(beliefs), tuple(searched))
+            self._shared, beliefs = self._latest.after({}, self.missing)
+            self._beliefs = tuple(beliefs)
+            return
         for person in self.missing:
             belief = beliefs[person]
-            if belief.detection > 0.0 and belief.map().reshape(-1)[searched].any():
-                perhaps_found.append(person)
             after = belief.after_search(searched)
             # The factor counts in coverage missions only, see `success`.
             is_coverage = self.scenario.mission == "coverage"
             beliefs[person] = after if is_coverage else after._replace(failure=belief.failure)
-        self._perhaps_found = tuple(perhaps_found)
         self._beliefs = tuple(beliefs)
+
+
+class _LatestSearches(NamedTuple):
+    """What was known of persons who drift together before a step's searches, and their cells."""
+
+    shared: SharedDrift
+    beliefs: tuple[Belief, ...]
+    cells: tuple[int, ...]
+
+    def after(
+        self, found: dict[int, int], missing: tuple[int, ...]
+    ) -> tuple[SharedDrift, list[Belief]]:
+        """What is known after the searches, if they find some persons in some cells."""
+        return after_shared_search(self.shared, self.beliefs, self.cells, found, missing)
+
+    def likeliest(self, person: int) -> list[int]:
+        """The searched cells where a person may have been, the likeliest first."""
+        at = self.beliefs[person].map().reshape(-1)[[*self.cells]]
+        order = np.argsort(-at, kind="stable")
+        return [self.cells[number] for number in order if at[number] > 0.0]
 
 
 class Outlook:
@@ -177,7 +242,7 @@ class Outlook:
     def __init__(self, tracker: BeliefTracker, steps: int) -> None:
         size = tracker.scenario.grid_size
         self._tracker = tracker
-        self._masses = {person: [tracker.joint(person)] for person in tracker.missing}
+        self._masses = {person: [tracker.weighed(person)] for person in tracker.missing}
         ahead = range(tracker.step, tracker.step + steps + 1)
         self._worths = {
             person: [tracker.worth(person, step) for step in ahead] for person in tracker.missing

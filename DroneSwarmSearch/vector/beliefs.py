@@ -11,6 +11,7 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch.drift.belief import means_over_missing, normalise
 from DroneSwarmSearch.drift.model import Forecasts, over_layers
+from DroneSwarmSearch.drift.shared import SharedDrift, layer_sums
 
 _TILE_BYTES = 1600 * 2**10
 """The size of one person's beliefs in a tile: several such arrays fit into the cache."""
@@ -93,6 +94,74 @@ class Beliefs:
             if undo.any():
                 where = tile[undo], person, slice(None), slots[undo], column[undo]
                 self._mass[where] = before[undo]
+
+    def search_together(
+        self,
+        shared: SharedDrift,
+        rows: Ints,
+        cells: Ints,
+        detections: Floats,
+        found_in: Ints,
+        missing: Flags,
+    ) -> SharedDrift:
+        """`search` for persons who drift by one hypothesis, see `shared.after_shared_search`.
+
+        Args:
+            shared: of the searched rows, in ascending order, before the step.
+            rows: of each search.
+            cells: of each search.
+            detections: of each person at each search: (persons, n).
+            found_in: the cell where each person is found in this step, or -1: (persons, searched
+                rows).
+            missing: the persons who are missing after it: bool, (persons, searched rows).
+
+        Returns:
+            The same after the step.
+        """
+        which = np.unique(rows)
+        before = self.mass(which)
+        tile, column = np.divmod(rows, self._width)
+        for person, detection in enumerate(detections):
+            slots = self.forecasts.slots(self._entries[person, rows], cells)
+            where = tile, person, slice(None), slots, column
+            self._mass[where] *= 1.0 - detection[:, None]
+        searched = self.mass(which)
+        persons, layers, slots_each, n = searched.shape
+        by_row = searched.reshape(persons, layers, slots_each // self._size, self._size, n)
+        sums = np.array([layer_sums(mass) for mass in by_row])
+        seen = np.zeros(sums.shape)
+        for person, at in enumerate(found_in):
+            here = (at >= 0).nonzero()[0]
+            slots = self.forecasts.slots(self._entries[person, which[here]], at[here])
+            seen[person][:, here] = before[person][:, slots, here]
+        after = shared.after_search(sums, found_in >= 0, seen, missing)
+        factors = after.scale(sums)
+        is_possible = np.any(
+            factors, axis=1
+        )  # else the searches contradict the belief, which stays
+        changed = np.where(
+            np.expand_dims(is_possible, (1, 2)), searched * factors[:, :, None], before
+        )
+        tile, column = np.divmod(which, self._width)
+        self._mass[tile, :, :, :, column] = np.moveaxis(changed, -1, 0)
+        self.failure[:, which] = after.failure(missing)
+        return after
+
+    def added_together(
+        self, shared: SharedDrift, rows: Ints, cells: Ints, missing: Flags, worths: Floats
+    ) -> Floats:
+        """`added_success` for persons who drift together, see `shared.shared_added_success`.
+
+        `shared` and `missing`, (persons, n), are those of each search's row.
+        """
+        tile, column = np.divmod(rows, self._width)
+        by_layer = shared.worths(missing)
+        added = np.empty(worths.shape)
+        for person, worth in enumerate(worths):
+            slots = self.forecasts.slots(self._entries[person, rows], cells)
+            masses = self._mass[tile, person, :, slots, column].T  # (M, n)
+            added[person] = worth * (by_layer[person] * masses).cumsum(axis=0)[-1]
+        return means_over_missing(added, np.ones(added.shape, np.bool_))
 
     def _normalise(self, person: int, searched: Flags) -> Floats:
         """Normalise a person's beliefs in the searched rows; returns the sums before."""

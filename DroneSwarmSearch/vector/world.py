@@ -15,6 +15,7 @@ from DroneSwarmSearch.core.rules import COVERED_AT
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.belief import means_over_missing, shown_persons
 from DroneSwarmSearch.drift.model import forecasts_of
+from DroneSwarmSearch.drift.shared import SharedDrift, draws_given
 from DroneSwarmSearch.vector.beliefs import Beliefs
 
 
@@ -31,6 +32,8 @@ class Catalogue:
         forecasts: the different forecasts of their persons.
         forecast_of: the index of each person's forecast in each search: int64, (persons, searches).
         detections: each person's probability of detection: float64, (persons, searches).
+        shared_weights: of the hypotheses by which all persons of a search drift, padded with 0:
+            float64, (hypotheses, searches); None if each person drifts alone.
         alive: the probability that each person is alive after some completed steps, the last of
             which stands for all later ones: float64, (searches, persons, steps).
     """
@@ -56,7 +59,18 @@ class Catalogue:
         steps = range(max(len(one.survival or [1]) for persons in situations for one in persons))
         alive = [[[*map(person.alive, steps)] for person in persons] for persons in situations]
         self.alive: Floats = np.array(alive)
+        self.shared_weights = _shared_weights(self.scenarios, self.forecasts.shape[0])
         self.forecasts.reach(0)
+
+
+def _shared_weights(scenarios: Sequence[Scenario], layers: int) -> Floats | None:
+    if not scenarios[0].shared_drift:
+        return None
+    weights = np.zeros((layers, len(scenarios)))
+    for number, scenario in enumerate(scenarios):
+        own = scenario.persons_to_find[0].drift.weights
+        weights[: len(own), number] = own
+    return weights
 
 
 class BatchState:
@@ -86,6 +100,10 @@ class BatchState:
         self.beliefs: Beliefs | None = None
         if scenario.keeps_beliefs:
             self.beliefs = Beliefs(self._size, catalogue.forecasts, self._entries)
+        self._shared: SharedDrift | None = None  # of every row, if persons drift together
+        if catalogue.shared_weights is not None:
+            first = np.tile(catalogue.shared_weights[:, :1], rows)
+            self._shared = SharedDrift.begun(first, self._persons)
         self._shown_beliefs = self.beliefs if scenario.bayesian_update else None
         self._states = np.zeros((self._persons, rows), np.int64)
         # The counters of a step's drift draws, from the key of the episode on.
@@ -102,8 +120,8 @@ class BatchState:
         if (certain := forecasts.certain_starts) is not None:  # saves a tenth of a step
             self._states[:, rows] = certain.take(models)
         else:
-            indices = np.arange(self._persons, dtype=np.uint64)[:, None]
-            self._states[:, rows] = forecasts.start(models, uniforms(keys[3], indices))
+            draws = self._start_draws(keys[3], situation)
+            self._states[:, rows] = forecasts.start(models, draws)
         self.step[rows] = 0
         self.situation[rows] = situation
         self.missing[:, rows] = True
@@ -112,6 +130,20 @@ class BatchState:
         self._detection_keys[rows] = keys[1]
         if self.beliefs is not None:
             self.beliefs.forget(rows)
+        weights = self.catalogue.shared_weights
+        if weights is not None and self._shared is not None:
+            new = SharedDrift.begun(weights.take(situation, axis=1), self._persons)
+            self._shared.put(rows, new)
+
+    def _start_draws(self, keys: Words, situation: Ints) -> Floats:
+        """`world.WorldState._start_draws` for many rows: (persons, n)."""
+        weights = self.catalogue.shared_weights
+        n = self._persons
+        indices = np.arange(n + (weights is not None), dtype=np.uint64)[:, None]
+        draws = uniforms(keys, indices)
+        if weights is None:
+            return draws
+        return draws_given(draws[n], draws[:n], weights.take(situation, axis=1))
 
     def extended(
         self, scenarios: Sequence[Scenario], starting: Ints, cells: Ints | None = None
@@ -131,6 +163,8 @@ class BatchState:
         catalogue.forecasts.reach(int(self.step[going].max(initial=0)))
         if self.beliefs is not None:
             self.beliefs.use(catalogue.forecasts)
+        if self._shared is not None:
+            self._shared = self._shared.resized(catalogue.forecasts.shape[0])
         self.catalogue = catalogue
 
     # A step: `observed`, then `search`, then `advance`.
@@ -147,6 +181,10 @@ class BatchState:
         alive = self.catalogue.alive
         steps = np.minimum(self.step.take(rows), alive.shape[2] - 1)
         worths = self._detections_of(rows) * alive[self.situation.take(rows), :, steps].T
+        if self._shared is not None:
+            shared = self._shared.take(rows)
+            missing = self.missing[:, rows]
+            return self.beliefs.added_together(shared, rows, cells, missing, worths)
         return self.beliefs.added_success(rows, cells, worths)
 
     def search(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
@@ -156,6 +194,7 @@ class BatchState:
         numbered throughout the batch. Returns the drones that found someone, once for each person.
         """
         found = [drones[:0]]
+        found_in = np.full(self.missing.shape, -1)  # the cells of this step's finds
         findable = self.missing.sum(axis=0) > (0 if self._finds_last else 1)
         for person, at in enumerate(self.person_cells) if self._is_rescue else ():
             right = (at.take(rows) == cells) & (self.missing[person] & findable).take(rows)
@@ -169,11 +208,30 @@ class BatchState:
             where = rows.take(hits)
             self.missing[person, where] = False
             self.finds[:, person, where] = drones.take(hits), cells.take(hits)
+            found_in[person, where] = cells.take(hits)
             found.append(drones.take(hits))
         if self.beliefs is not None:
             self.beliefs.begin(rows)
-            self.beliefs.search(rows, cells, self._detections_of(rows))
+            self._update_beliefs(self.beliefs, rows, cells, found_in)
         return np.concatenate(found)
+
+    def _update_beliefs(self, beliefs: Beliefs, rows: Ints, cells: Ints, found_in: Ints) -> None:
+        """Apply Bayes' rule to searches, and to the finds in some of the cells."""
+        detections = self._detections_of(rows)
+        if self._shared is None:
+            beliefs.search(rows, cells, detections)
+        elif rows.size:
+            which = np.unique(rows)
+            shared = self._shared.take(which)
+            after = beliefs.search_together(
+                shared,
+                rows,
+                cells,
+                detections,
+                found_in=found_in[:, which],
+                missing=self.missing[:, which],
+            )
+            self._shared.put(which, after)
 
     def _detections_of(self, rows: Ints) -> Floats:
         """Each person's probability of detection in some rows: (persons, n)."""

@@ -1,0 +1,316 @@
+"""Persons who drift together: their beliefs against enumeration, in engines and in policies."""
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme, Scenario, Tracks
+from DroneSwarmSearch.bound import success_bound
+from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
+from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.planning import plan_paths
+from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
+from DroneSwarmSearch.vector import SearchBatch
+
+SEARCH, IDLE = int(Action.SEARCH), int(Action.IDLE)
+
+VECTORS = [(0.5, 0.0), (0.0, 0.5), (-0.4, 0.2)]
+WEIGHTS = [0.5, 0.3, 0.2]
+
+
+def person(start: tuple[int, int], slow: float = 1.0, detection: float = 0.7) -> Person:
+    """A person with three hypotheses, each the consequence of the same sea."""
+    drifts = [
+        Drift(start, vector=(slow * x, slow * y), diffusion=0.05, weight=weight)
+        for (x, y), weight in zip(VECTORS, WEIGHTS, strict=True)
+    ]
+    return Person(drifts, probability_of_detection=detection)
+
+
+def wreck(persons: int = 2, size: int = 4, **changes: Any) -> Scenario:
+    kinds = [person((1, 1)), person((2, 1), slow=0.6, detection=0.9), person((1, 2), slow=0.3)]
+    values = {"n_drones": 2, "timestep_limit": 30, "bayesian_update": True, **changes}
+    return Scenario(size, persons=kinds[:persons], shared_drift=True, **values)
+
+
+class Enumeration:
+    """The joint distribution of the hypothesis and of all persons' cells, by brute force."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        size = scenario.grid_size
+        persons = scenario.persons_to_find
+        self.detections = scenario.detections
+        self.models = [
+            [ProbabilityMatrix(size, drift) for drift in each.drift.drifts] for each in persons
+        ]
+        self.missing = list(range(len(persons)))
+        self.cells = size**2
+        self.joint = np.zeros((len(WEIGHTS), *[self.cells] * len(persons)))
+        for hypothesis, weight in enumerate(WEIGHTS):
+            starts = [models[hypothesis].joint(0).reshape(-1) for models in self.models]
+            product_of_starts = starts[0]
+            for start in starts[1:]:
+                product_of_starts = np.multiply.outer(product_of_starts, start)
+            self.joint[hypothesis] = weight * product_of_starts
+
+    def search(self, searched: list[int], found: dict[int, int]) -> None:
+        for who in range(len(self.models)):
+            if who not in self.missing:
+                continue
+            likelihood = np.ones(self.cells)
+            likelihood[searched] = 1.0 - self.detections[who]
+            if who in found:
+                likelihood = np.zeros(self.cells)
+                likelihood[found[who]] = self.detections[who]
+            shape = [1] * self.joint.ndim
+            shape[1 + who] = self.cells
+            self.joint *= likelihood.reshape(shape)
+        self.joint /= self.joint.sum()
+        self.missing = [who for who in self.missing if who not in found]
+
+    def drift(self, step: int) -> None:
+        for hypothesis in range(len(WEIGHTS)):
+            for who, models in enumerate(self.models):
+                model = models[hypothesis]
+                one_hot = np.eye(self.cells).reshape(self.cells, 1, *[model.grid_size] * 2)
+                moves = np.array([model.forward(each, step).reshape(-1) for each in one_hot])
+                moved = np.tensordot(self.joint[hypothesis], moves, axes=(who, 0))
+                self.joint[hypothesis] = np.moveaxis(moved, -1, who)
+
+    @property
+    def hypotheses(self) -> np.ndarray:
+        return self.joint.reshape(len(WEIGHTS), -1).sum(axis=1)
+
+    @property
+    def matrix(self) -> np.ndarray:
+        maps = []
+        for who in self.missing:
+            others = tuple(axis for axis in range(self.joint.ndim) if axis != 1 + who)
+            maps.append(self.joint.sum(axis=others))
+        return np.mean(maps, axis=0)
+
+
+def moves_apart(rng: np.random.Generator, positions: np.ndarray, size: int) -> np.ndarray:
+    """Mostly searches, and moves by which drones, each in a band of columns, never meet."""
+    rows, n, _ = positions.shape
+    actions = rng.choice([0, 1, 2, 3, SEARCH, SEARCH, SEARCH], size=(rows, n))
+    width = size // n
+    for row, drone in product(range(rows), range(n)):
+        x, y = positions[row, drone]
+        action = int(actions[row, drone])
+        x += (action == 1) - (action == 0)
+        y += (action == 3) - (action == 2)
+        if not (width * drone <= x < width * (drone + 1) and 0 <= y < size):
+            actions[row, drone] = SEARCH
+    return actions
+
+
+@pytest.mark.parametrize("persons", [2, 3])
+def test_the_matrix_is_that_of_enumeration(persons):
+    scenario = wreck(persons)
+    env = DroneSwarmSearch(scenario=scenario)
+    finds = 0
+    for seed in range(12 if persons == 2 else 5):
+        positions = [(1, 1), (2, 1)]
+        env.reset(seed=seed, drones_positions=positions)
+        exact = Enumeration(scenario)
+        rng = np.random.default_rng(seed)
+        for step in range(12):
+            cells = env.snapshot().cells
+            before = env.frame().found
+            actions = moves_apart(rng, np.array([positions]), 4)[0]
+            observations, _, _, _, _ = env.step(
+                {f"drone{drone}": int(action) for drone, action in enumerate(actions)}
+            )
+            frame = env.frame()
+            positions = list(frame.drones)
+            searched = [cells[drone] for drone in range(2) if actions[drone] == SEARCH]
+            new = [who for who in range(persons) if frame.found[who] and not before[who]]
+            found = {who: frame.persons[who][1] * 4 + frame.persons[who][0] for who in new}
+            if searched:
+                exact.search(searched, found)
+            finds += len(found)
+            exact.drift(step)
+            if not env.agents:
+                break
+            matrix = observations["drone0"]["observation"][1].reshape(-1)
+            assert matrix == pytest.approx(exact.matrix, abs=1e-6)
+            for weights in frame.hypotheses:
+                assert weights == pytest.approx(exact.hypotheses, abs=1e-9)
+    assert finds > 4
+
+
+SCENARIOS = {
+    "posterior": {},
+    "expected": {"reward_scheme": RewardScheme.expected()},
+    "coverage": {"mission": "coverage"},
+    "forecast": {"bayesian_update": False},
+    "expected, forecast": {"bayesian_update": False, "reward_scheme": RewardScheme.expected()},
+}
+
+
+@pytest.mark.parametrize("changes", SCENARIOS.values(), ids=SCENARIOS)
+def test_batches_are_the_same_bit_for_bit(changes):
+    scenario = wreck(3, size=9, n_drones=3, **changes)
+    rows = 5
+    positions = [(1, 1), (4, 1), (7, 3)]
+    batch = SearchBatch(rows, scenario, drones_positions=positions)
+    batch.reset(seeds=range(rows))
+    envs = [DroneSwarmSearch(scenario=scenario) for _ in range(rows)]
+    for seed, env in enumerate(envs):
+        env.reset(seed=seed, drones_positions=positions)
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        actions = moves_apart(rng, batch.positions, 9)
+        batch.step(actions)
+        matrices = batch.matrices_of(range(rows))
+        for row, env in enumerate(envs):
+            if not env.agents:
+                continue
+            observations, rewards, _, _, infos = env.step(
+                {f"drone{drone}": int(action) for drone, action in enumerate(actions[row])}
+            )
+            assert np.array_equal(observations["drone0"]["observation"][1], matrices[row])
+            assert [rewards[f"drone{drone}"] for drone in range(3)] == batch.rewards[row].tolist()
+            assert env.frame().hypotheses == batch.frame(row).hypotheses
+            if batch.probability_of_success is not None:
+                assert infos["probability_of_success"] == batch.probability_of_success[row]
+
+
+def test_all_persons_have_one_hypothesis_as_often_as_it_weighs():
+    """Without diffusion, the displacement of each person says which hypothesis is theirs."""
+    vectors = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)]
+    persons = [
+        Person(
+            [
+                Drift((8, 8), vector=vector, diffusion=0, weight=weight, start_sd=1.0)
+                for vector, weight in zip(vectors, WEIGHTS, strict=True)
+            ]
+        )
+        for _ in range(3)
+    ]
+    scenario = Scenario(21, persons=persons, shared_drift=True, timestep_limit=20)
+    batch = SearchBatch(3000, scenario)
+    batch.reset(seeds=range(3000))
+    starts = batch.person_cells
+    for _ in range(4):
+        batch.step(np.full((3000, 1), IDLE))
+    moved = batch.person_cells - starts
+    assert (moved == moved[:, :1]).all(), "all persons of a row drift alike"
+    shares = [np.mean(moved[:, 0] == step) for step in (4, 4 * 21, -4)]
+    assert shares == pytest.approx(WEIGHTS, abs=0.03)
+    apart = (starts[:, 0] != starts[:, 1]).mean()
+    assert apart > 0.8, "but they start on their own"
+
+
+def test_the_probability_of_success_counts_persons_found():
+    env = DroneSwarmSearch(scenario=wreck(2, n_drones=1))
+    for seed in range(20):
+        env.reset(seed=seed, drones_positions=[(1, 1)])
+        success = 0.0
+        while env.agents:
+            _, _, _, _, infos = env.step({"drone0": SEARCH})
+            found = sum(infos["persons_found"])
+            assert infos["probability_of_success"] >= max(found / 2, 0.0) - 1e-12
+            assert infos["probability_of_success"] >= success - 1e-12 or found
+            success = infos["probability_of_success"]
+        if infos["is_success"]:
+            assert success == 1.0
+
+
+def test_expected_rewards_of_a_coverage_mission_add_up_to_the_probability_of_success():
+    scenario = wreck(3, n_drones=1, mission="coverage", reward_scheme=RewardScheme.expected())
+    env = DroneSwarmSearch(scenario=scenario)
+    env.reset(seed=0, drones_positions=[(1, 1)])
+    total = 0.0
+    rng = np.random.default_rng(0)
+    while env.agents:
+        position = env.frame().drones
+        action = int(moves_apart(rng, np.array([position]), 4)[0, 0])
+        _, rewards, _, _, infos = env.step({"drone0": action})
+        total += rewards["drone0"]
+    assert total == pytest.approx(infos["probability_of_success"], abs=1e-9)
+    assert total > 0.3
+
+
+@pytest.mark.parametrize("bayesian", [True, False])
+def test_a_swarm_knows_what_the_matrix_shows(bayesian):
+    """The tracker of policies infers from the matrix who was found, and where."""
+    scenario = wreck(3, size=8, bayesian_update=bayesian)
+    env = DroneSwarmSearch(scenario=scenario)
+    finds = 0
+    for seed in range(15):
+        positions = [(1, 1), (5, 1)]
+        observations, _ = env.reset(seed=seed, drones_positions=positions)
+        tracker = BeliefTracker(scenario)
+        rng = np.random.default_rng(seed)
+        while env.agents:
+            matrix = observations["drone0"]["observation"][1]
+            tracker.observe(matrix)
+            assert np.array_equal(tracker.matrix(), matrix)
+            actions = moves_apart(rng, np.array([positions]), 8)[0]
+            tracker.update(positions, actions.tolist())
+            observations, _, _, _, infos = env.step(
+                {f"drone{drone}": int(action) for drone, action in enumerate(actions)}
+            )
+            positions = list(env.frame().drones)
+        finds += sum(infos["persons_found"])
+    assert finds > 5
+
+
+REFUSED = {
+    "weights": [person((1, 1)), Person([Drift((1, 1)), Drift((1, 2)), Drift((2, 1))])],
+    "counts": [person((1, 1)), Person(Drift((1, 1)))],
+    "tracks": [Person(Tracks([[(1.0, 1.0), (1.2, 1.0)], [(1.0, 1.0), (1.0, 1.4)]]))],
+}
+
+
+@pytest.mark.parametrize("persons", REFUSED.values(), ids=REFUSED)
+def test_persons_who_cannot_share_a_hypothesis_are_refused(persons):
+    with pytest.raises(ValueError, match=r"^shared_drift needs persons "):
+        Scenario(5, persons=persons, shared_drift=True, timestep_limit=1)
+
+
+def test_a_shared_search_survives_its_data():
+    scenario = wreck()
+    assert Scenario.from_dict(scenario.to_dict()) == scenario
+    assert scenario.replace(shared_drift=False) != scenario
+
+
+def test_no_policy_exceeds_the_mean_of_the_bounds_for_each_hypothesis():
+    scenario = wreck(2, size=5, timestep_limit=12)
+    positions = [(0, 0), (1, 0)]
+    shared = success_bound(scenario, positions, horizons=1)
+    alone = [
+        (weight, success_bound(known, positions, horizons=1))
+        for weight, known in scenario.by_hypothesis()
+    ]
+    assert [weight for weight, _ in alone] == pytest.approx(WEIGHTS)
+    mean = sum(weight * bound.by_limit for weight, bound in alone)
+    # All hypotheses' samples must hold together, so each counts as a little less certain.
+    assert mean <= shared.by_limit == pytest.approx(mean, abs=0.001)
+    found = evaluate("greedy-posterior", scenario, episodes=100, progress=False)
+    assert 0.05 < found.success.value < shared.by_limit
+
+
+def test_plans_for_persons_who_drift_together_find_them_as_often_as_they_say():
+    scenario = wreck(2, size=6, timestep_limit=14)
+    positions = [(1, 1), (3, 2)]
+    planned = plan_paths(scenario, positions, seconds=1)
+    rows = 6000
+    batch = SearchBatch(rows, scenario, drones_positions=positions)
+    batch.reset(seeds=range(rows))
+    found = np.zeros(rows, np.bool_)
+    moves = {-1: 0, 1: 1, -6: 2, 6: 3}
+    for step in range(14):
+        actions = [
+            SEARCH
+            if path.searches[step]
+            else moves.get(path.cells[step + 1] - path.cells[step], IDLE)
+            for path in planned.paths
+        ]
+        batch.step(np.tile(actions, (rows, 1)))
+        found |= batch.endings == 1
+    assert found.mean() == pytest.approx(planned.by_time[-1], abs=0.02)
