@@ -92,7 +92,7 @@ class DroneSwarmSearch(SearchSpaces):
         grid_size: see `Scenario` for this and the other parameters of the search: `n_drones`,
             `vector`, `person_initial_position`, `disperse_constant`, `timestep_limit`,
             `probability_of_detection`, `bayesian_update`, `reward_scheme`, `persons`, `mission`,
-            `shared_drift`.
+            `shared_drift`, `crash`.
         render_mode: "human" (a window), "ansi" (`render` returns text), "rgb_array"
             (`render` returns a picture) or None.
         render_grid: draw lines between the cells.
@@ -132,6 +132,7 @@ class DroneSwarmSearch(SearchSpaces):
         persons: Sequence[Person] | Person | None = None,
         mission: str = "rescue",
         shared_drift: bool = False,
+        crash: str = "end",
         scenario: Scenario | None = None,
         palette: str = "sea",
     ) -> None:
@@ -150,6 +151,7 @@ class DroneSwarmSearch(SearchSpaces):
             persons=persons,
             mission=mission,
             shared_drift=shared_drift,
+            crash=crash,
         )
         modes = (*self.metadata["render_modes"], None)
         self.render_mode = checks.choice("render_mode", render_mode, modes)

@@ -309,7 +309,8 @@ class ActionMask(SearchWrapper):
 
     def _masks(self) -> list[NDArray[np.int8]]:
         cells = self._search.snapshot().cells
-        return swarm_masks(cells, self._grid.neighbours, self.right_of_way)
+        crash = self._search.scenario.crash
+        return swarm_masks(cells, self._grid.neighbours, self.right_of_way, crash)
 
     def _observed(self, observations: Observations, infos: Infos) -> Observations:
         masks = self._masks()

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch.core.grid import MOVES, OFF_GRID, Cell, CellTable, Grid
-from DroneSwarmSearch.core.rules import Action
+from DroneSwarmSearch.core.rules import CRASHES, END, PASS, Action
 
 ACTION_OF: dict[Cell, Action] = {(0, 0): Action.IDLE, **dict(zip(MOVES, Action, strict=False))}
 """The action that moves a drone by (x, y)."""
@@ -24,7 +24,9 @@ ACTION_OF: dict[Cell, Action] = {(0, 0): Action.IDLE, **dict(zip(MOVES, Action, 
 # Masks.
 
 
-def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -> Flags:
+def action_masks(
+    cells: ArrayLike, grid_size: int, right_of_way: bool = False, *, crash: str = END
+) -> Flags:
     """Which actions each drone of some swarms is allowed.
 
     Moves that leave the grid or lead into another drone's cell are masked; searching and
@@ -40,6 +42,8 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
         cells: every drone's cell, y * grid_size + x; integers, shape (..., n).
         grid_size: cells along each side.
         right_of_way: also mask moves to where a drone with a lower number may be next.
+        crash: see `Scenario`. With "pass", only moves off the grid are masked: there is no right of
+            way to keep.
 
     Returns:
         bool, shape (..., n, 6), indexed by `Action`: True where allowed.
@@ -54,11 +58,15 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
     if not checked.ndim:
         raise ValueError(f"cells must be {what}, got {cells!r}")
     checks.boolean("right_of_way", right_of_way)
+    checks.choice("crash", crash, CRASHES)
+    if crash == PASS:
+        masks: Flags = Grid.of(size).targets.take(checked, axis=0) != OFF_GRID
+        return masks
     n = checked.shape[-1]
     by_swarm = checked.reshape(math.prod(checked.shape[:-1]), n)
     closed = _closed(by_swarm, grid_size)
     ahead = Grid.of(size).targets.take(by_swarm, axis=0)  # (swarms, n, 6)
-    masks: Flags = ahead == by_swarm[..., None]
+    masks = ahead == by_swarm[..., None]
     # Flat indices are faster than two axes; `OFF_GRID` is the last cell.
     flat = closed.reshape(-1)
     swarm_begins = np.arange(0, closed.size, closed.shape[1])[:, None, None]
@@ -71,9 +79,13 @@ def action_masks(cells: ArrayLike, grid_size: int, right_of_way: bool = False) -
 
 
 def swarm_masks(
-    cells: list[int], neighbours: CellTable[tuple[int, ...]], right_of_way: bool
+    cells: list[int], neighbours: CellTable[tuple[int, ...]], right_of_way: bool, crash: str
 ) -> list[NDArray[np.int8]]:
     """`action_masks` for a single swarm: each drone's mask, int8, shape (6,); new arrays."""
+    if crash == PASS:
+        return [
+            np.array([target != OFF_GRID for target in neighbours[cell]], np.int8) for cell in cells
+        ]
     closed = {OFF_GRID, *cells}
     allowed = bytearray()
     for cell in cells:
@@ -98,7 +110,10 @@ def swarm_masks(
 
 
 def choose_in_turn(
-    scores: NDArray[np.floating], cells: NDArray[np.integer], grid_size: int
+    scores: NDArray[np.floating],
+    cells: NDArray[np.integer],
+    grid_size: int,
+    crash: str = END,
 ) -> tuple[Ints, Flags]:
     """Let the drones of each swarm choose in turn, so that none collide.
 
@@ -110,12 +125,14 @@ def choose_in_turn(
     allowed actions (E. J. Gumbel, Statistical theory of extreme values and some practical
     applications, 1954).
 
+    If drones pass each other (`crash` is "pass"), only moves off the grid are not allowed.
+
     Scores are (swarms, n, 6), or (swarms, n, 5) if drones never idle; cells are (swarms, n).
     Returns the actions, int64, and which ones each drone was allowed at its turn, bool.
     """
     swarms = np.arange(len(cells))
     targets = Grid.of(grid_size).targets[cells, : scores.shape[-1]]
-    closed = _closed(cells, grid_size)
+    closed = _closed(cells if crash != PASS else cells[:, :0], grid_size)
     actions = np.empty(cells.shape, np.int64)
     masks = targets == cells[..., None]
     for drone in range(cells.shape[1]):
@@ -123,12 +140,16 @@ def choose_in_turn(
         masks[:, drone] |= ~closed[swarms[:, None], ahead]
         chosen = np.where(masks[:, drone], scores[:, drone], -np.inf).argmax(axis=1)
         actions[:, drone] = chosen
-        closed[swarms, ahead[swarms, chosen]] = True
+        if crash != PASS:
+            closed[swarms, ahead[swarms, chosen]] = True
     return actions, masks
 
 
 def approach_in_turn(
-    cells: list[Cell], targets: Iterable[tuple[int, Cell]], probability: Floats
+    cells: list[Cell],
+    targets: Iterable[tuple[int, Cell]],
+    probability: Floats,
+    crash: str = END,
 ) -> list[Action]:
     """Let the drones of one swarm approach their targets in turn, so that none collide.
 
@@ -139,8 +160,9 @@ def approach_in_turn(
         cells: every drone's (x, y).
         targets: drones by number, each with its target (x, y), in the order of their turns.
         probability: of each cell, float64, shape (N, N), indexed [y, x].
+        crash: with "pass", drones may share cells.
     """
-    closed = set(cells)
+    closed = set() if crash == PASS else set(cells)
     actions = [Action.IDLE] * len(cells)
     for drone, target in targets:
         x, y = cells[drone]
@@ -156,7 +178,8 @@ def approach_in_turn(
             actions[drone] = Action.SEARCH
         elif nearer:
             _, actions[drone], ahead = max(nearer, key=lambda option: option[0])
-            closed.add(ahead)
+            if crash != PASS:
+                closed.add(ahead)
     return actions
 
 

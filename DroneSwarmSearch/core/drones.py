@@ -46,6 +46,8 @@ class Drones:
 
         Returns each drone's reward, for reading only, and the ending or None.
         """
+        if self._rules.crash != rules.END:
+            targets = rules.arrivals(self.cells, targets, self._rules.crash)
         rewards = self._quiet
         ending = None
         if not rules.is_quiet(chosen, targets, world.step, self._rules.timestep_limit):
@@ -66,9 +68,10 @@ class Drones:
         found: set[int] = set()
         observed: dict[int, float] = {}
         if _SEARCH in chosen:
-            pairs = enumerate(zip(self.cells, chosen, strict=True))
-            # Before a step, no two drones share a cell.
-            searches = {cell: drone for drone, (cell, action) in pairs if action == _SEARCH}
+            searches: dict[int, list[int]] = {}
+            for drone, (cell, action) in enumerate(zip(self.cells, chosen, strict=True)):
+                if action == _SEARCH:
+                    searches.setdefault(cell, []).append(drone)
             observed = world.observed(searches)
             found = world.search(searches)
         events = rules.StepEvents(

@@ -23,6 +23,10 @@ The episode ends for all drones together if drones collide, a drone leaves the g
 persons are found, and with step number L. In the coverage mission nobody is found. The line on
 the time limit does not apply, and the episode also ends once less than 1% is left to find.
 
+That is `crash="end"`. With "block", a drone that would leave the grid or enter a taken cell stays
+where it is; lower numbers go first. With "pass", only the border blocks: drones fly at different
+heights, and may share a cell. Whoever is blocked gets the reward of anything else.
+
 Each rule has a scalar form, for one search, and beside it an array form, for many.
 """
 
@@ -153,6 +157,39 @@ class RewardScheme:
         return {name: 0.0 for name in cls._figures() if name != "find"}
 
 
+END = "end"
+BLOCK = "block"
+PASS = "pass"
+
+CRASHES = (END, BLOCK, PASS)
+"""What happens to drones that leave the grid or enter a cell that is taken."""
+
+
+def arrivals(cells: Sequence[int], targets: Sequence[int], crash: str) -> list[int]:
+    """The cells in which drones arrive that want to move to their targets, or to OFF_GRID.
+
+    With "block", a drone finds those with lower numbers where they have moved to, and those with
+    higher numbers where they are; with "pass", it only stays on the grid. Not for "end".
+    """
+    reached = list(cells)
+    for drone, target in enumerate(targets):
+        if target != OFF_GRID and (crash == PASS or target not in reached):
+            reached[drone] = target
+    return reached
+
+
+def arrivals_of_rows(cells: Ints, targets: Ints, crash: str) -> Ints:
+    """`arrivals` for many searches: (rows, drones); a new array."""
+    reached: Ints = cells.copy()
+    for drone in range(cells.shape[1]):
+        target = targets[:, drone]
+        moves = target != OFF_GRID
+        if crash == BLOCK:
+            moves &= ~(reached == target[:, None]).any(axis=1)
+        reached[moves, drone] = target[moves]
+    return reached
+
+
 def same_cell(targets: Sequence[int]) -> set[int]:
     """The cells that two or more drones enter; these drones collide.
 
@@ -201,18 +238,21 @@ class SearchRules(NamedTuple):
         scheme: the figures of the table.
         timestep_limit: the number of steps in an episode.
         is_rescue: whether the mission is to find persons.
+        crash: one of `CRASHES`.
     """
 
     scheme: RewardScheme
     timestep_limit: int
     is_rescue: bool
+    crash: str = END
 
 
 class StepEvents(NamedTuple):
     """What happened in a step of one search.
 
     Attributes:
-        targets: the cell that each drone tries to enter, or OFF_GRID.
+        targets: the cell that each drone tries to enter, or OFF_GRID; with another rule than "end"
+            for crashes, that in which it arrives.
         observed: for each drone that searches, what the matrix that it observed holds for its
             cell; or, with `expected_finds`, the probability of success that its search adds.
         found: the drones whose searches find a person.
@@ -255,10 +295,10 @@ class BatchEvents(NamedTuple):
 
 def outcome(rules: SearchRules, events: StepEvents) -> tuple[list[float], Ending | None]:
     """The outcome of a step: every drone's reward, and the ending if it is the last one."""
-    scheme, timestep_limit, is_rescue = rules
+    scheme, timestep_limit, is_rescue, crash = rules
     targets, observed, found, found_before, returns, steps_before, all_found, covered = events
     is_last = steps_before == timestep_limit - 1
-    shared = same_cell(targets)
+    shared = same_cell(targets) if crash == END else set()
     rewards = []
     for drone, target in enumerate(targets):
         if target in shared:
@@ -302,7 +342,9 @@ def outcomes(rules: SearchRules, events: BatchEvents) -> tuple[Floats, NDArray[n
     n = targets.shape[1]
     searched = (events.actions == Action.SEARCH.value).reshape(-1).nonzero()[0]
     left_grid = (targets == OFF_GRID).reshape(-1).nonzero()[0]
-    collided = collisions(targets)
+    collided = targets[:0, 0]
+    if rules.crash == END:
+        collided = collisions(targets)
     last = (events.steps_before == rules.timestep_limit - 1).nonzero()[0]
     rewards = np.full(targets.size, scheme.step)
     if scheme.expected_finds:

@@ -13,7 +13,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.core.grid import Cell
-from DroneSwarmSearch.core.rules import RewardScheme, SearchRules
+from DroneSwarmSearch.core.rules import CRASHES, END, RewardScheme, SearchRules
 from DroneSwarmSearch.drift.axes import dispersion_rate
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.models import drift_model
@@ -61,6 +61,9 @@ class Scenario:
             one sea: each episode draws one for all of them. They must have equally many
             hypotheses, with equal weights. With `bayesian_update`, a find then tells about those
             who are still missing.
+        crash: what happens to drones that leave the grid or enter a taken cell: "end" ends the
+            episode; "block" keeps the drone where it is, lower numbers go first; with "pass", only
+            the border blocks, and drones may share cells. See `rules`.
         mission: "rescue", to find all persons; or "coverage", to gain as much probability of
             success as possible: nobody is found, and the episode ends once less than 1% is
             left to find.
@@ -82,6 +85,7 @@ class Scenario:
     persons: tuple[Person, ...] | None = field(default=None, kw_only=True)
     mission: str = field(default="rescue", kw_only=True)
     shared_drift: bool = field(default=False, kw_only=True)
+    crash: str = field(default=END, kw_only=True)
 
     def __post_init__(self) -> None:
         size = checks.integer("grid_size", self.grid_size, 2)
@@ -99,6 +103,7 @@ class Scenario:
             "bayesian_update": checks.boolean("bayesian_update", self.bayesian_update),
             "mission": checks.choice("mission", self.mission, MISSIONS),
             "shared_drift": checks.boolean("shared_drift", self.shared_drift),
+            "crash": checks.choice("crash", self.crash, CRASHES),
         }
         if not isinstance(self.reward_scheme, RewardScheme):
             raise TypeError(f"reward_scheme must be a RewardScheme, got {self.reward_scheme!r}")
@@ -184,7 +189,12 @@ class Scenario:
     @property
     def rules(self) -> SearchRules:
         """What the rules depend on in all steps."""
-        return SearchRules(self.reward_scheme, self.timestep_limit, self.mission == "rescue")
+        return SearchRules(
+            scheme=self.reward_scheme,
+            timestep_limit=self.timestep_limit,
+            is_rescue=self.mission == "rescue",
+            crash=self.crash,
+        )
 
     @property
     def mean_vector(self) -> tuple[float, float]:

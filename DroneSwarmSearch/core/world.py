@@ -6,7 +6,7 @@ step and a person, so it does not matter when draws are made, or how many at a t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -129,19 +129,21 @@ class WorldState:
 
     # Searches.
 
-    def search(self, searches: Mapping[int, int]) -> set[int]:
+    def search(self, searches: Mapping[int, Sequence[int]]) -> set[int]:
         """Let drones, given by cell, search, and update the beliefs; returns those with a find."""
         finders = set()
         found = {}
         for person in self.missing if self.is_rescue else ():
             cell = self.person_cell(person)
-            if cell in searches and self._is_detected(person):
-                finders.add(searches[cell])
+            finder = self._finder(person, searches[cell]) if cell in searches else None
+            if finder is not None:
+                finders.add(finder)
                 found[person] = cell
-                self.finds[person] = searches[cell], cell
+                self.finds[person] = finder, cell
                 self.missing = tuple(other for other in self.missing if other != person)
         if self._keeps_beliefs:
-            self._update_beliefs(searches, found)
+            cells = [cell for cell, drones in searches.items() for _ in drones]
+            self._update_beliefs(cells, found)
         return finders
 
     def _update_beliefs(self, cells: Collection[int], found: Mapping[int, int]) -> None:
@@ -165,16 +167,23 @@ class WorldState:
                 self._shared = SharedDrift.begun(self._shared_weights, len(self.persons))
         return self._beliefs
 
-    def _is_detected(self, person: int) -> bool:
-        """Whether a search of the person's cell finds the person in this step."""
+    def _finder(self, person: int, drones: Sequence[int]) -> int | None:
+        """The first of the drones that search the person's cell who finds the person; or None."""
         detection = self._detections[person]
-        if detection in (0.0, 1.0):
-            return detection == 1.0
+        if detection == 1.0:
+            return drones[0]
+        if detection == 0.0:
+            return None
         index = self.step * len(self.persons) + person
         [draw] = self._streams.detection.between(self._episode, index, index + 1)
-        return draw < detection
+        found = detection  # the probability that drones so far find the person
+        for drone in drones:
+            if draw < found:
+                return drone
+            found = found + (1.0 - found) * detection
+        return None
 
-    def observed(self, searches: Mapping[int, int]) -> dict[int, float]:
+    def observed(self, searches: Mapping[int, Sequence[int]]) -> dict[int, float]:
         """What each search pays for, by drone, before `search`.
 
         The matrix's value for the cell; or, with `RewardScheme.expected_finds`, the added success
@@ -189,9 +198,10 @@ class WorldState:
                 added = [belief.added_success(cells, chance) for belief, chance in pairs]
             else:
                 added = shared_added_success(self._shared, beliefs, cells, self.missing, alive)
-            return dict(zip(searches.values(), mean_over_missing(added, ()).tolist(), strict=True))
-        item = self._matrix.item
-        return {drone: item(cell) for cell, drone in searches.items()}
+            values = dict(zip(cells, mean_over_missing(added, ()).tolist(), strict=True))
+        else:
+            values = {cell: self._matrix.item(cell) for cell in searches}
+        return {drone: values[cell] for cell, drones in searches.items() for drone in drones}
 
     # What is shown.
 

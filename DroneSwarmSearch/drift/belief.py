@@ -35,7 +35,7 @@ class Belief(NamedTuple):
     failure: float = 1.0  # the probability that no search so far finds the person
 
     def after_search(self, cells: Collection[int]) -> Belief:
-        """The belief after the searches of different cells, y * N + x, find nobody.
+        """The belief after searches of cells, y * N + x, find nobody; each counts if one repeats.
 
         If they contradict the belief, its mass stays.
         """
@@ -46,7 +46,7 @@ class Belief(NamedTuple):
         return self._replace(failure=0.0)
 
     def searched(self, cells: Collection[int]) -> Floats:
-        """The mass that searches of different cells leave, not normalised; a new array."""
+        """The mass that searches of cells leave, not normalised; a new array."""
         mass = self.mass.copy()
         flat = mass.reshape(-1)
         missed = 1.0 - self.detection

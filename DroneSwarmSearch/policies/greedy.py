@@ -139,7 +139,7 @@ class GreedyPolicy(_Greedy):
 
     def choose(self, memory: Floats, cells: list[Cell], matrix: Singles) -> list[Action]:
         values = matrix.astype(np.float64) * (1.0 - memory)
-        actions = approach_in_turn(cells, self._targets(cells, values), values)
+        actions = approach_in_turn(cells, self._targets(cells, values), values, self.scenario.crash)
         if not self.scenario.bayesian_update:
             memory *= FADING
             for (x, y), action in zip(cells, actions, strict=True):
@@ -172,7 +172,7 @@ class PosteriorGreedyPolicy(_Greedy):
     def actions(self, tracker: BeliefTracker, cells: list[Cell]) -> list[Action]:
         """The drones' actions, given the beliefs, which do not change."""
         targets, success = self._choice(tracker, cells)
-        return approach_in_turn(cells, targets, success)
+        return approach_in_turn(cells, targets, success, tracker.scenario.crash)
 
     def _choice(
         self, memory: BeliefTracker, cells: list[Cell]

@@ -186,5 +186,6 @@ class ImitationPolicy(OpenLoopPolicy):
         if rng is not None:
             logits += (TEMPERATURE * rng.gumbel(size=logits.shape)).astype(np.float32)
         numbers = cell_number(positions[..., 0], positions[..., 1], size)
-        actions: list[int] = choose_in_turn(logits[None], numbers, size)[0][0].tolist()
+        chosen, _ = choose_in_turn(logits[None], numbers, size, tracker.scenario.crash)
+        actions: list[int] = chosen[0].tolist()
         return actions

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch.core.collision_avoidance import ACTION_OF, resolve_conflicts
 from DroneSwarmSearch.core.grid import Cell, moves_between
-from DroneSwarmSearch.core.rules import Action
+from DroneSwarmSearch.core.rules import PASS, Action
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.datum import REACH, Datum, datums_of
@@ -95,7 +95,9 @@ class PatternPolicy(SwarmPolicy):
             memory.progress = _assigned(routes, cells)
             memory.laid_out += 1
         wanted, searching = _wanted(memory.progress, cells)
-        nexts = resolve_conflicts(cells, wanted)
+        nexts = wanted
+        if self.scenario.crash != PASS:
+            nexts = resolve_conflicts(cells, wanted)
         actions = []
         for drone, ((x, y), (next_x, next_y)) in enumerate(zip(cells, nexts, strict=True)):
             if drone in searching:

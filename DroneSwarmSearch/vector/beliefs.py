@@ -74,10 +74,14 @@ class Beliefs:
                 mass[..., some % self._width] = np.moveaxis(self.forecasts.joint(entry), 0, -1)
         self.begun[new] = True
 
-    def search(self, rows: Ints, cells: Ints, detections: Floats) -> None:
-        """Apply searches that find nobody, in rows with beliefs and different cells within a row.
+    def search(self, rows: Ints, cells: Ints, detections: Floats, turns: Ints) -> None:
+        """Apply searches that find nobody, in rows with beliefs.
 
-        `detections` are each person's probability of detection: (persons, n).
+        Args:
+            rows: of each search.
+            cells: of each search.
+            detections: of each person at each search: (persons, n).
+            turns: how many searches before it are of the same cell of the same row: (n,).
         """
         tile, column = np.divmod(rows, self._width)
         searched = np.zeros(self.begun.shape, np.bool_)
@@ -86,7 +90,7 @@ class Beliefs:
             slots = self.forecasts.slots(self._entries[person, rows], cells)
             where = tile, person, slice(None), slots, column
             before = self._mass[where]  # (n, M)
-            self._mass[where] = before * (1.0 - detection[:, None])
+            self._multiply(person, rows, cells, detection, turns)
             missed = self._normalise(person, searched)
             # Rounding must not lower the probability of success.
             self.failure[person] *= np.where(searched, np.minimum(missed, 1.0), 1.0)
@@ -95,12 +99,25 @@ class Beliefs:
                 where = tile[undo], person, slice(None), slots[undo], column[undo]
                 self._mass[where] = before[undo]
 
+    def _multiply(
+        self, person: int, rows: Ints, cells: Ints, detection: Floats, turns: Ints
+    ) -> None:
+        """Leave what searches miss of a person's mass, one search of a cell after the other."""
+        slots = self.forecasts.slots(self._entries[person, rows], cells)
+        tile, column = np.divmod(rows, self._width)
+        last = int(turns.max(initial=0))
+        for turn in range(last + 1):
+            which = slice(None) if last == 0 else turns == turn
+            where = tile[which], person, slice(None), slots[which], column[which]
+            self._mass[where] = self._mass[where] * (1.0 - detection[which, None])
+
     def search_together(
         self,
         shared: SharedDrift,
         rows: Ints,
         cells: Ints,
         detections: Floats,
+        turns: Ints,
         found_in: Ints,
         missing: Flags,
     ) -> SharedDrift:
@@ -111,6 +128,7 @@ class Beliefs:
             rows: of each search.
             cells: of each search.
             detections: of each person at each search: (persons, n).
+            turns: see `search`.
             found_in: the cell where each person is found in this step, or -1: (persons, searched
                 rows).
             missing: the persons who are missing after it: bool, (persons, searched rows).
@@ -120,11 +138,8 @@ class Beliefs:
         """
         which = np.unique(rows)
         before = self.mass(which)
-        tile, column = np.divmod(rows, self._width)
         for person, detection in enumerate(detections):
-            slots = self.forecasts.slots(self._entries[person, rows], cells)
-            where = tile, person, slice(None), slots, column
-            self._mass[where] *= 1.0 - detection[:, None]
+            self._multiply(person, rows, cells, detection, turns)
         searched = self.mass(which)
         persons, layers, slots_each, n = searched.shape
         by_row = searched.reshape(persons, layers, slots_each // self._size, self._size, n)

@@ -292,6 +292,8 @@ class SearchBatch:
 
         # 1. All drones move or search.
         targets = self._neighbours.take(self.cells * len(Action) + chosen)
+        if self._rules.crash != rules.END:
+            targets = rules.arrivals_of_rows(self.cells, targets, self._rules.crash)
         self.searching = chosen == Action.SEARCH.value
         searches = self.searching.reshape(-1).nonzero()[0]  # by drone: row * n_drones + drone
         rows = self._row_of.take(searches)
@@ -342,6 +344,11 @@ class SearchBatch:
     def scenario_of(self, row: int) -> Scenario:
         """The parameters of one search in its current episode, its persons included."""
         return self._world.catalogue.scenarios[int(self._world.situation[row])]
+
+    @property
+    def crash(self) -> str:
+        """What happens to drones that crash, see `Scenario`."""
+        return self._rules.crash
 
     @property
     def situation(self) -> Ints:

@@ -68,7 +68,7 @@ class BatchObservations:
         cells = batch.cells[which]
         positions = batch.positions[which]
         if self._view.action_mask:
-            masks = action_masks(cells, self._size, self._view.right_of_way)
+            masks = action_masks(cells, self._size, self._view.right_of_way, crash=batch.crash)
             out["action_mask"][...] = masks.reshape(out["action_mask"].shape)
             out = out["observation"]
         if rows is None and self._shows_matrices:  # saves a copy

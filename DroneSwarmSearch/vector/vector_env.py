@@ -254,7 +254,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         """
         if right_of_way is None:
             right_of_way = self.right_of_way
-        masks = action_masks(self.batch.cells, self._size, right_of_way)
+        batch = self.batch
+        masks = action_masks(batch.cells, self._size, right_of_way, crash=batch.crash)
         return masks.reshape(self.num_envs, -1)
 
     # Input.

@@ -11,7 +11,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import GOLDEN, uniforms, uniforms_of
-from DroneSwarmSearch.core.rules import COVERED_AT
+from DroneSwarmSearch.core.rules import COVERED_AT, PASS
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.belief import means_over_missing, shown_persons
 from DroneSwarmSearch.drift.model import forecasts_of
@@ -61,6 +61,19 @@ class Catalogue:
         self.alive: Floats = np.array(alive)
         self.shared_weights = _shared_weights(self.scenarios, self.forecasts.shape[0])
         self.forecasts.reach(0)
+
+
+def _found_by(detections: Floats, turns: Ints) -> tuple[Floats, Floats]:
+    """The limits of the draws with which the drone at a turn finds a person: (n,) each.
+
+    See `world.WorldState._finder`.
+    """
+    first = np.zeros_like(detections)
+    last = detections
+    for turn in range(1, int(turns.max(initial=0)) + 1):
+        first = np.where(turns >= turn, last, first)
+        last = np.where(turns >= turn, last + (1.0 - last) * detections, last)
+    return first, last
 
 
 def _shared_weights(scenarios: Sequence[Scenario], layers: int) -> Floats | None:
@@ -190,9 +203,10 @@ class BatchState:
     def search(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
         """Apply a step's searches: decide which of them find a person, update the beliefs.
 
-        Searches are in ascending order of rows, in different cells within a row; drones are
-        numbered throughout the batch. Returns the drones that found someone, once for each person.
+        Searches are in ascending order of rows, and within a row of drones, which are numbered
+        throughout the batch. Returns the drones that found someone, once for each person.
         """
+        turns = self._turns(rows, cells)
         found = [drones[:0]]
         found_in = np.full(self.missing.shape, -1)  # the cells of this step's finds
         findable = self.missing.sum(axis=0) > (0 if self._finds_last else 1)
@@ -204,7 +218,8 @@ class BatchState:
             where = rows.take(hits)
             indices = self.step[where] * self._persons + person
             draws = uniforms(self._detection_keys[where], indices.astype(np.uint64))
-            hits = hits[draws < self._detections_of(where)[person]]
+            first, last = _found_by(self._detections_of(where)[person], turns.take(hits))
+            hits = hits[(draws >= first) & (draws < last)]
             where = rows.take(hits)
             self.missing[person, where] = False
             self.finds[:, person, where] = drones.take(hits), cells.take(hits)
@@ -212,14 +227,27 @@ class BatchState:
             found.append(drones.take(hits))
         if self.beliefs is not None:
             self.beliefs.begin(rows)
-            self._update_beliefs(self.beliefs, rows, cells, found_in)
+            self._update_beliefs(self.beliefs, rows, cells, turns, found_in)
         return np.concatenate(found)
 
-    def _update_beliefs(self, beliefs: Beliefs, rows: Ints, cells: Ints, found_in: Ints) -> None:
+    def _turns(self, rows: Ints, cells: Ints) -> Ints:
+        """How many drones before it search the same cell of the same row: (n,)."""
+        turns = np.zeros(len(rows), np.int64)
+        if self._scenario.crash != PASS or not len(rows):  # no two drones share a cell
+            return turns
+        keys = rows * self._size**2 + cells
+        order = keys.argsort(kind="stable")
+        _, begins, counts = np.unique(keys[order], return_index=True, return_counts=True)
+        turns[order] = np.arange(len(rows)) - begins.repeat(counts)
+        return turns
+
+    def _update_beliefs(
+        self, beliefs: Beliefs, rows: Ints, cells: Ints, turns: Ints, found_in: Ints
+    ) -> None:
         """Apply Bayes' rule to searches, and to the finds in some of the cells."""
         detections = self._detections_of(rows)
         if self._shared is None:
-            beliefs.search(rows, cells, detections)
+            beliefs.search(rows, cells, detections, turns)
         elif rows.size:
             which = np.unique(rows)
             shared = self._shared.take(which)
@@ -228,6 +256,7 @@ class BatchState:
                 rows,
                 cells,
                 detections,
+                turns,
                 found_in=found_in[:, which],
                 missing=self.missing[:, which],
             )
