@@ -18,7 +18,7 @@ from DroneSwarmSearch._internal.cells import cell_position
 from DroneSwarmSearch._internal.files import parsed_json, write_text
 from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.core.grid import Cell
-from DroneSwarmSearch.core.scenario import REPLACED, Scenario, checked_scenario
+from DroneSwarmSearch.core.scenario import LATER, REPLACED, Scenario, checked_scenario
 from DroneSwarmSearch.geo.scale import Scale
 from DroneSwarmSearch.persons.hypotheses import Hypotheses
 from DroneSwarmSearch.persons.person import Person
@@ -109,6 +109,9 @@ class NamedSearch:
         for person in data["persons"] or ():
             if "tracks" in person:
                 person["tracks"] = {**person["tracks"], "file": None}
+        for name in LATER:
+            if data[name] == getattr(Scenario, name):
+                del data[name]
         return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
     def save(self, path: str | os.PathLike[str]) -> None:

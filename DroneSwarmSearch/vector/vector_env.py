@@ -396,7 +396,7 @@ class SwarmVectorEnv(SearchVectorEnv):
         grid_size, n_drones, vector, person_initial_position, disperse_constant: as for a
             `Scenario`, in place of `scenario`.
         timestep_limit, probability_of_detection, bayesian_update: as for a `Scenario`.
-        reward_scheme, persons, mission: as for a `Scenario`.
+        reward_scheme, persons, mission, shared_drift, crash: as for a `Scenario`.
 
     Attributes:
         num_envs: the number of sub-environments.
