@@ -224,7 +224,7 @@ class TestCommenceSearchPoint:
         coast = Coast(incident)
         drone = drone_of(incident, 0)
         given = self.pattern(start, heading, drift=np.array(drift))
-        begun = begun_at_sea(given, drone, incident.plane, coast)
+        begun = begun_at_sea(given, drone, coast)
         flown = drone.fly(begun)
         assert flown is not None
         scene = flown[1, 1:]
@@ -241,7 +241,7 @@ class TestCommenceSearchPoint:
     def test_a_pattern_over_land_stays(self, north):
         incident = Incident(**STILL, coast=north)
         given = self.pattern((0.0, SHORE + 9000), 0.0)
-        begun = begun_at_sea(given, drone_of(incident, 0), incident.plane, Coast(incident))
+        begun = begun_at_sea(given, drone_of(incident, 0), Coast(incident))
         assert begun is given
 
 

@@ -32,7 +32,7 @@ NAMES = {
 
 SECONDS = 15.0
 
-AFTERWARDS = 8.0
+AFTERWARDS = 9.0
 """CPU seconds that figures, alternatives and files take."""
 
 MINUTES = (5, 10, 20, 30, 45, 60, 90, 120)

@@ -107,6 +107,11 @@ class Land:
             return 0.0
         return min(float(shapely.boundary(self.shape).distance(shapely.Point(x, y))), self.reach)
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no land."""
+        return bool(self.shape.is_empty)
+
     def polygons(self, low: ArrayLike, high: ArrayLike) -> list[Polygon]:
         """The polygons of land between two corners, (east, north) in metres."""
         shapely = _shapely()

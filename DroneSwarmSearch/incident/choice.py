@@ -205,7 +205,7 @@ def _drawn(area: Area, drone: Drone, rng: np.random.Generator) -> list[FreePatte
             side=int(rng.choice([-1, 1])),
             parameters=rng.normal(size=6) * SPREAD,
         )
-        if drone.fly(area.pattern(free)) is not None:
+        if area.missed(drone, area.pattern(free)) is not None:
             drawn.append(free)
             if len(drawn) == DRAWN:
                 break

@@ -9,8 +9,6 @@ from DroneSwarmSearch.geo import units
 from DroneSwarmSearch.geo.coast import Land
 from DroneSwarmSearch.incident.incident import Incident
 
-NEAR = 64_000.0  # metres from the last known position to which land is first read
-
 
 class Coast:
     """The coast of an incident, which is read as far as persons drift.
@@ -26,7 +24,7 @@ class Coast:
 
     def __init__(self, incident: Incident) -> None:
         self._incident = incident
-        self._land = incident.land(max(NEAR, 4 * incident.position_sd))
+        self._land = incident.land_within(4 * incident.position_sd)
         if self._land is not None and incident.tracks is None:
             self._check_position(self._land)
 
@@ -41,14 +39,27 @@ class Coast:
                 f"{distance} inland; on a lake, give a coast that knows it, or coast 'none'"
             )
 
+    def is_sea_as_read(self, points: Floats) -> Flags:
+        """Whether points, (n, 2), are at sea, and so are the nearest tenths of minutes: (n,)."""
+        plane = self._incident.plane
+        tenths = np.round(600 * plane.degrees(points)) / 600
+        as_read = plane.metres(*tenths.T)
+        is_sea: Flags = ~(self.is_land(points.T) | self.is_land(as_read.T))
+        return is_sea
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there is a coast, and land near it."""
+        return self._land is not None and not self._land.is_empty
+
     def is_land(self, points: Floats) -> Flags:
         """Whether points, (east, north) in metres, (2, n), are on land: bool, (n,)."""
         land = self._land
         if land is None:
             return np.zeros(points.shape[1], np.bool_)
-        farthest = np.abs(points).max(initial=0.0)
-        while farthest > land.reach:
-            wider = self._incident.land(2 * land.reach)
-            assert wider is not None
-            land = self._land = wider
+        farthest = float(np.abs(points).max(initial=0.0))
+        if farthest > land.reach:
+            land = self._incident.land_within(farthest)
+            assert land is not None
+            self._land = land
         return land.contains(points)

@@ -8,18 +8,28 @@ Both are described by a few real numbers, of which small steps change the patter
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch.incident.coast import Coast
 from DroneSwarmSearch.incident.drone import Drone, drone_of
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.manual import Worksheet
 from DroneSwarmSearch.incident.particles import Particles
-from DroneSwarmSearch.incident.patterns import PARALLEL, Pattern
+from DroneSwarmSearch.incident.patterns import (
+    PARALLEL,
+    Pattern,
+    distances_along,
+    point_along,
+)
 
 SEARCHED_TWICE = 1.4  # the usual side of a searched square, squared, in strips that a drone can fly
+
+LONGEST_TRACK = 40  # legs, and
+POINTS_TRIED = 40  # along them, of which one must be at sea
 
 LEAST_SHARE = 0.1  # of an equal share of the rectangle, for drones that have little time there
 
@@ -102,6 +112,42 @@ class Rectangle:
         return right * self.side
 
 
+class _Box(NamedTuple):
+    """The part of a rectangle that one drone searches, with legs along it."""
+
+    start: Floats
+    length: float
+    legs: int
+
+
+def _beside_each_other(rectangle: Rectangle, shares: Floats) -> list[_Box]:
+    """Boxes across the legs, of whole tracks, at least one in each."""
+    tracks = max(round(rectangle.width / rectangle.spacing), len(shares))
+    edges = np.append(0.0, shares.cumsum()) * tracks
+    legs = np.maximum(np.diff(np.rint(edges)).astype(np.int64), 1)
+    first = np.append(0, legs.cumsum())
+    corner = rectangle.centre - rectangle.along * rectangle.length / 2
+    corner = corner - rectangle.aside * (first[-1] - 1) * rectangle.spacing / 2
+    return [
+        _Box(corner + rectangle.aside * track * rectangle.spacing, rectangle.length, count)
+        for track, count in zip(first[:-1].tolist(), legs.tolist(), strict=True)
+    ]
+
+
+def _end_to_end(rectangle: Rectangle, shares: Floats) -> list[_Box]:
+    """Boxes along the legs, which end half a spacing inside of them."""
+    tracks = max(round(rectangle.width / rectangle.spacing), 1)
+    edges = np.append(0.0, shares.cumsum()) * rectangle.length
+    corner = rectangle.centre - rectangle.along * rectangle.length / 2
+    corner = corner - rectangle.aside * (tracks - 1) * rectangle.spacing / 2
+    boxes = []
+    for begin, end in pairwise(edges.tolist()):
+        start = corner + rectangle.along * (begin + rectangle.spacing / 2)
+        length = max(end - begin - rectangle.spacing, rectangle.spacing)
+        boxes.append(_Box(start, length, tracks))
+    return boxes
+
+
 class Area:
     """Where persons may be during the flights, and what patterns there would find.
 
@@ -114,6 +160,7 @@ class Area:
         self.incident = incident
         self.particles = particles
         self.drones = [drone_of(incident, number) for number in range(incident.drones)]
+        self.coast = Coast(incident)
         self._start = incident.seconds(incident.start)
         half = self.drones[0].endurance / 2
         weights = particles.weights
@@ -176,41 +223,28 @@ class Area:
             rectangle: to divide.
             abreast: see `Boxes`.
         """
-        n = len(self.drones)
-        across = max(round(rectangle.width / rectangle.spacing), 1)
-        edges = np.linspace(0.0, 1.0, n + 1)  # of the boxes, as shares of the rectangle
-        middles = (edges[1:] + edges[:-1] - 1)[:, None] / 2
-        way = rectangle.aside * rectangle.width if abreast else rectangle.along * rectangle.length
-        shares = self._shares(rectangle.centre + middles * way)
-        edges = np.append(0.0, shares.cumsum())
-        corner = rectangle.centre - rectangle.along * rectangle.length / 2
-        if not abreast:
-            corner = corner - rectangle.aside * (across - 1) * rectangle.spacing / 2
-            lengths = np.maximum(rectangle.length * shares - rectangle.spacing, self.incident.swath)
-            begins = rectangle.length * edges[:-1] + rectangle.spacing / 2
-            starts = corner + begins[:, None] * rectangle.along
-            legs = np.full(n, across)
-        else:
-            across = max(across, n)
-            lines = np.maximum(np.rint(edges * across).astype(int), np.arange(n + 1))
-            legs = np.maximum(np.diff(lines), 1)
-            first = np.append(0, legs.cumsum())
-            corner = corner - rectangle.aside * (first[-1] - 1) * rectangle.spacing / 2
-            starts = corner + first[:-1, None] * rectangle.spacing * rectangle.aside
-            lengths = np.full(n, rectangle.length)
+        layout = _beside_each_other if abreast else _end_to_end
         return [
             Pattern(
                 kind=PARALLEL,
-                start=start,
+                start=box.start,
                 heading=rectangle.heading,
-                length=float(length),
+                length=box.length,
                 spacing=rectangle.spacing,
-                legs=int(count),
+                legs=box.legs,
                 side=rectangle.side,
                 drift=rectangle.drift,
             )
-            for start, length, count in zip(starts, lengths, legs, strict=True)
+            for box in layout(rectangle, self._shares_of(rectangle, abreast))
         ]
+
+    def _shares_of(self, rectangle: Rectangle, abreast: bool) -> Floats:
+        """The share of each drone in a rectangle, by the time that it has in an equal part."""
+        n = len(self.drones)
+        across = rectangle.aside * rectangle.width
+        way = across if abreast else rectangle.along * rectangle.length
+        middles = (np.arange(n)[:, None] + 0.5) / n - 0.5
+        return self._shares(rectangle.centre + middles * way)
 
     def _shares(self, middles: Floats) -> Floats:
         """Shares of the drones by the time that each has at its point, (n, 2); they sum to 1."""
@@ -274,7 +308,12 @@ class Area:
     # What they find.
 
     def missed(self, drone: Drone, pattern: Pattern) -> Floats | None:
-        """The probability that a drone misses each particle; None if it cannot fly the pattern."""
+        """The probability that a drone misses each particle.
+
+        None if it cannot fly the pattern, or if all of that is over land.
+        """
+        if not self._is_at_sea(pattern):
+            return None
         flight = drone.fly(pattern)
         if flight is None:
             return None
@@ -282,6 +321,16 @@ class Area:
         legs = np.stack([flight[1:-1], flight[2:]], axis=1)  # all but the way there
         known = self.incident
         return self.particles.missed(legs, known.swath, known.probability_of_detection)
+
+    def _is_at_sea(self, pattern: Pattern) -> bool:
+        """Whether a part of the pattern's first lap is at sea: the search can begin there."""
+        if not self.coast.is_known:
+            return True
+        legs = 2 * pattern.legs if pattern.kind == PARALLEL else LONGEST_TRACK
+        track = pattern.points(min(legs, LONGEST_TRACK) + 1)
+        length = distances_along(track)[-1]
+        points = point_along(track, np.linspace(0.0, length, POINTS_TRIED))
+        return bool(self.coast.is_sea_as_read(points).any())
 
     def left(self, shape: Shape) -> float:
         """The probability that all drones miss the person; 1 if one cannot fly its pattern."""

@@ -15,7 +15,6 @@ from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.geo.coast import NONE, Land
 from DroneSwarmSearch.geo.units import KNOT, radioed
-from DroneSwarmSearch.incident.coast import NEAR
 from DroneSwarmSearch.incident.drone import drone_of
 from DroneSwarmSearch.incident.families import Shape
 from DroneSwarmSearch.incident.flights import (
@@ -179,11 +178,7 @@ class FlightPlan:
 
     def land(self, low: Floats, high: Floats) -> Land | None:
         """The land between two corners and beyond; None if no coast is known."""
-        farthest = float(np.abs([low, high]).max())
-        reach = NEAR
-        while reach < farthest:
-            reach *= 2
-        return self.incident.land(reach)
+        return self.incident.land_within(float(np.abs([low, high]).max()))
 
     @property
     def on_scene(self) -> datetime:

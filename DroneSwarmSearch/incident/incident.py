@@ -70,6 +70,9 @@ AIRCRAFT = (COPTER, PLANE, DJI)
 FASTEST_OVER_GROUND = {DJI: 15.0}
 """In m/s, of missions for aircraft that limit it: DJI's WPML, "autoFlightSpeed"."""
 
+NEAR = 64_000.0
+"""Metres from the last known position to which land is first read."""
+
 FLOWS = ("wind", "current")
 COASTS = (GSHHG, NONE)
 
@@ -222,6 +225,13 @@ class Incident:
             ValueError: the file of the coast cannot be read.
         """
         return _land(self.coast, self.position, reach)
+
+    def land_within(self, farthest: float) -> Land | None:
+        """`land`, at least up to a distance; few different distances are read."""
+        reach = NEAR
+        while reach < farthest:
+            reach *= 2
+        return self.land(reach)
 
     @property
     def fastest_over_ground(self) -> float:

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Flags, Floats
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.progress import progress
-from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.geo.units import KNOT
 from DroneSwarmSearch.incident.choice import (
     CannotFlyError,
@@ -133,7 +132,11 @@ def _chosen(
         on_progress(min(max(done, deadline.elapsed), 1.0) if deadline.is_set else done)
 
     effort = Effort(deadline)
-    boxes = first_boxes(few, effort)
+    try:
+        boxes = first_boxes(few, effort)
+    except CannotFlyError:  # perhaps because of land: patterns of their own may do
+        free = free_patterns(few, [], Effort(Deadline(None)))
+        return [] if free is None else [free_patterns(many, free, effort) or free]
     report(0.3)
     boxes = better_boxes(many, boxes, effort)
     report(0.5)
@@ -198,7 +201,6 @@ def _quickly_improved(area: Area, shape: Shape) -> Shape:
 def _flown(area: Area, shape: Shape, figures: Particles) -> FlightPlan:
     """The plan in which drones fly the patterns of a shape, as far as they are at sea."""
     incident = area.incident
-    coast = Coast(incident)
     wanted = area.patterns(shape)
     can_fly = [drone.fly(each) is not None for drone, each in zip(area.drones, wanted, strict=True)]
     if not all(can_fly):
@@ -206,7 +208,7 @@ def _flown(area: Area, shape: Shape, figures: Particles) -> FlightPlan:
     patterns: list[Pattern] = []
     flights: list[list[Waypoint]] = []
     for drone, whole in zip(area.drones, wanted, strict=True):
-        pattern = begun_at_sea(whole, drone, incident.plane, coast)
+        pattern = begun_at_sea(whole, drone, area.coast)
         pattern, flight = _kept_apart(incident, drone, pattern, flights)
         patterns.append(pattern)
         flights.append(flight)
@@ -241,7 +243,7 @@ def _delays(made: FlightPlan) -> tuple[Delay, ...]:
     )
 
 
-def begun_at_sea(pattern: Pattern, drone: Drone, plane: TangentPlane, coast: Coast) -> Pattern:
+def begun_at_sea(pattern: Pattern, drone: Drone, coast: Coast) -> Pattern:
     """The pattern without its beginning, as far as that is over land when the drone comes there.
 
     The commence search point is then at sea, also as it is read over the radio, in tenths of a
@@ -250,7 +252,6 @@ def begun_at_sea(pattern: Pattern, drone: Drone, plane: TangentPlane, coast: Coa
     Args:
         pattern: the pattern.
         drone: that flies it.
-        plane: of all metres.
         coast: what is on land.
     """
     begun = pattern
@@ -261,7 +262,7 @@ def begun_at_sea(pattern: Pattern, drone: Drone, plane: TangentPlane, coast: Coa
         arrival = flown[1, 0]
         distances = begun.begin + TRIED_EVERY * np.arange(TRIED, dtype=np.float64)
         track = pattern.points(LEGS_LEFT_OUT) + pattern.drift * arrival
-        is_sea = _is_sea(point_along(track, distances), plane, coast)
+        is_sea = coast.is_sea_as_read(point_along(track, distances))
         if not is_sea.any():
             break
         first = float(distances[is_sea.argmax()])
@@ -269,14 +270,6 @@ def begun_at_sea(pattern: Pattern, drone: Drone, plane: TangentPlane, coast: Coa
             return begun
         begun = replace(pattern, begin=first)
     return pattern
-
-
-def _is_sea(points: Floats, plane: TangentPlane, coast: Coast) -> Flags:
-    """Whether points, (n, 2), are at sea, and so are the nearest tenths of minutes."""
-    tenths = np.round(600 * plane.degrees(points)) / 600
-    as_read = plane.metres(*tenths.T)
-    is_sea: Flags = ~(coast.is_land(points.T) | coast.is_land(as_read.T))
-    return is_sea
 
 
 def _kept_apart(
