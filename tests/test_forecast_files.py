@@ -246,6 +246,7 @@ SOURCES = {
     ),
     "GFS by THREDDS": (gfs_thredds, "wind"),
     "GFS by cfgrib": (gfs_cfgrib, "wind"),
+    "GFS by run and step": (lambda: gfs_cfgrib().drop_vars("valid_time"), "wind"),
     "MEPS": (meps, "wind"),
     "MEPS, without latitudes": (lambda: meps().drop_vars(["latitude", "longitude"]), "wind"),
     "NorKyst": (norkyst, "current"),

@@ -67,6 +67,21 @@ DEGREES = (("latitude", "lat"), ("longitude", "lon"))
 """Roles and short names of coordinates."""
 
 MEMBERS = ("number", "realization", "ensemble_member", "member", "ensemble", "ens")
+SECONDS_IN = {
+    "nanoseconds": 1e-9,
+    "microseconds": 1e-6,
+    "milliseconds": 1e-3,
+    "s": 1.0,
+    "seconds": 1.0,
+    "minutes": 60.0,
+    "h": 3600.0,
+    "hr": 3600.0,
+    "hour": 3600.0,
+    "hours": 3600.0,
+    "days": 86400.0,
+}
+"""Units of the steps of a forecast."""
+
 STEPS = ("step", "forecast_period", "leadtime", "lead_time")
 REFERENCES = ("time", "forecast_reference_time")
 LEVEL = {"current": "depth", "wind": "height"}
@@ -127,7 +142,7 @@ def _opened(path: Path) -> list[Any]:
     """The datasets of a file: one of NetCDF, or one for each kind of level of GRIB."""
     needed("cf_xarray", f"{REASON} cf-xarray", "tracks")
     if path.suffix.lower() not in GRIB:
-        return [opened(path, decode_times=True, decode_timedelta=True)]
+        return [opened(path, decode_times=True, decode_timedelta=False)]
     cfgrib = needed("cfgrib", "GRIB files need the package cfgrib", "grib")
     try:
         with warnings.catch_warnings():
@@ -393,9 +408,22 @@ class _Reader:
                     f"on times, got {self._name} on {self._dimensions(array)}",
                     "save the time at which values are valid",
                 )
-            valid = array[names[0]].values + array[step].values
+            valid = array[names[0]].values + self._durations(array[step])
         array = array.drop_vars([n for n in ("time", "valid_time") if n in array.coords])
         return array.assign_coords({step: valid}).rename({step: "time"})
+
+    def _durations(self, steps: Any) -> Any:
+        """The steps of a forecast as durations of NumPy, however they are stored."""
+        if np.issubdtype(steps.dtype, np.timedelta64):
+            return steps.values
+        unit = str(steps.attrs.get("units", ""))
+        if unit not in SECONDS_IN:
+            raise self._refused(
+                f"on steps in {', '.join(SECONDS_IN)}, got {steps.name} in {unit or 'no units'}",
+                "save the time at which values are valid",
+            )
+        nanoseconds = steps.values.astype(np.float64) * (1e9 * SECONDS_IN[unit])
+        return np.rint(nanoseconds).astype("timedelta64[ns]")
 
     def _member_dimension(self, array: Any) -> Hashable | None:
         """The dimension of the members of an ensemble; None if there is none."""
