@@ -407,6 +407,7 @@ class DroneSwarmSearch(SearchSpaces):
             trails=tuple(tuple(positions[cell] for cell in trail) for trail in drones.trails()),
             searched=tuple((*positions[cell], age) for cell, age in drones.recent_searches()),
             total_return=sum(drones.returns),
+            shared_drift=self.scenario.shared_drift,
         )
 
     def snapshot(self) -> Snapshot:

@@ -314,3 +314,17 @@ def test_plans_for_persons_who_drift_together_find_them_as_often_as_they_say():
         batch.step(np.tile(actions, (rows, 1)))
         found |= batch.endings == 1
     assert found.mean() == pytest.approx(planned.by_time[-1], abs=0.02)
+
+
+def test_pictures_show_the_hypotheses_of_all_persons_once():
+    env = DroneSwarmSearch(scenario=wreck(3), render_mode="ansi")
+    env.reset(seed=0)
+    text = env.render()
+    assert text.count("hypotheses") == 1
+    assert "hypotheses of all persons: 50% 30% 20%" in text
+    batch = SearchBatch(1, wreck(3))
+    batch.reset(seeds=[0])
+    assert batch.frame(0).shared_drift and batch.frame(0).uncertain_persons == (0,)
+    alone = DroneSwarmSearch(scenario=wreck(3).replace(shared_drift=False), render_mode="ansi")
+    alone.reset(seed=0)
+    assert alone.render().count("hypotheses of person") == 3

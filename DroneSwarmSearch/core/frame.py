@@ -35,6 +35,7 @@ class Frame:
         vector: mean drift in cells per step, (x, y), y growing downward.
         ending: how the episode ended; None before its end.
         hypotheses: for every person, the probability of each hypothesis.
+        shared_drift: whether these are about all persons together, and equal.
         probability_of_success: of all searches so far; None if it is not known.
         prior: what `matrix` would be without the searches, where that differs.
         trails: for every drone, its last cells (x, y), oldest first, the current one last;
@@ -68,6 +69,7 @@ class Frame:
     flown: int | None = None
     scale: Scale | None = None
     land: tuple[tuple[int, int], ...] = ()
+    shared_drift: bool = False
 
     @property
     def grid_size(self) -> int:
@@ -81,8 +83,12 @@ class Frame:
 
     @property
     def uncertain_persons(self) -> tuple[int, ...]:
-        """The numbers of the persons about whom there are several hypotheses."""
-        return tuple(n for n, weights in enumerate(self.hypotheses) if len(weights) > 1)
+        """The numbers of the persons about whom there are several hypotheses.
+
+        Only the first one if persons drift together, since the others' are the same.
+        """
+        uncertain = tuple(n for n, weights in enumerate(self.hypotheses) if len(weights) > 1)
+        return uncertain[:1] if self.shared_drift else uncertain
 
     @property
     def progress(self) -> tuple[str, str, str]:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from DroneSwarmSearch.core.frame import Frame
 
 
+NOTHING = 1e-12
+
+
 def drift(frame: Frame) -> tuple[str, list[tuple[str, str]]]:
     """The mean drift: its unit, and each component's name and value; with a scale, at sea."""
     unit = "cells/step"
@@ -24,6 +27,8 @@ def percent(probability: float) -> str:
 
 def signed(value: float) -> str:
     """A number with its sign: two decimals, three significant digits from 1000, two below 0.1."""
+    if abs(value) < NOTHING:  # rounding, in the mean of vectors
+        value = 0.0
     if abs(value) >= 1000.0:
         return f"{value:+.3g}"
     text = f"{value:+.2f}"

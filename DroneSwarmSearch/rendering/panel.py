@@ -59,7 +59,11 @@ def draw_panel(canvas: pygame.Surface, frame: Frame, look: Look) -> None:
     _draw_symbols(canvas, frame, top)
     top += SYMBOLS_HEIGHT
     persons = frame.uncertain_persons[:HYPOTHESES_ROWS]
-    if persons:
+    if persons and frame.shared_drift:
+        _heading(canvas, "HYPOTHESES OF ALL PERSONS", top)
+        area = pygame.Rect(0, top + 22, WIDTH, HYPOTHESES_ROWS * HYPOTHESES_ROW)
+        _draw_columns(canvas, frame.hypotheses[persons[0]], area)
+    elif persons:
         _heading(canvas, "HYPOTHESES", top)
         for row, person in enumerate(persons):
             bar = pygame.Rect(NAME_WIDTH, top + 20 + row * HYPOTHESES_ROW, WIDTH - NAME_WIDTH, 17)
@@ -171,6 +175,22 @@ def _draw_symbols(canvas: pygame.Surface, frame: Frame, top: int) -> None:
         for image in images:
             canvas.blit(image, image.get_rect(center=(left + SYMBOL // 2 + 2, middle)))
         write(canvas, meaning, SMALL, INK, midleft=(left + SYMBOL + 14, middle))
+
+
+def _draw_columns(canvas: pygame.Surface, weights: tuple[float, ...], area: pygame.Rect) -> None:
+    """A column for each probability, as high as it is relative to the largest one."""
+    edges = np.rint(np.linspace(area.left, area.right, len(weights) + 1)).astype(int).tolist()
+    most = max(weights)
+    pygame.draw.line(canvas, GREY, area.bottomleft, area.bottomright)
+    for number, (left, right) in enumerate(pairwise(edges)):
+        height = round(area.height * weights[number] / most)
+        gap = 1 if right - left > 3 else 0
+        part = pygame.Rect(left, area.bottom - height, right - left - gap, height)
+        canvas.fill(PROGRESS, part)
+        colour = readable_on(PROGRESS)
+        label = text_line(f"{weights[number]:.0%}", SMALL, colour)
+        if label.get_width() < part.width and label.get_height() < part.height:
+            canvas.blit(label, label.get_rect(midtop=part.midtop))
 
 
 def _draw_weights(canvas: pygame.Surface, weights: tuple[float, ...], bar: pygame.Rect) -> None:

@@ -109,6 +109,8 @@ def _header(frame: Frame, columns: int) -> list[str]:
     for person in frame.uncertain_persons:
         weights = " ".join(f"{weight:.0%}" for weight in frame.hypotheses[person])
         whose = f" of person {person}" if len(frame.hypotheses) > 1 else ""
+        if frame.shared_drift:
+            whose = " of all persons"
         lines += _joined([f"hypotheses{whose}: {weights}"], columns)
     if frame.ending is not None:
         lines += _joined([f"{frame.outcome} ({frame.ending.description})"], columns)

@@ -444,6 +444,7 @@ class SearchBatch:
             probability_of_success=None if success is None else float(success[row]),
             prior=prior,
             total_return=sum(self._returns[row].tolist()),
+            shared_drift=scenario.shared_drift,
         )
 
     # The matrices.
