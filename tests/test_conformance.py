@@ -55,6 +55,14 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     "gale": {"vector": (1e300, -1e300), "grid_size": 9, "person_initial_position": (4, 4)},
     "expected": {"persons": UNCERTAIN, "reward_scheme": RewardScheme.expected()},
     "coverage": {"n_drones": 3, "persons": UNCERTAIN, "mission": "coverage"},
+    "shared drift": {
+        "n_drones": 3,
+        "persons": [UNCERTAIN[0], UNCERTAIN[0]],
+        "shared_drift": True,
+        "bayesian_update": True,
+        "crash": "block",
+    },
+    "passing": {"grid_size": 3, "n_drones": 5, "crash": "pass", "bayesian_update": True},
 }
 
 each_parameters = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)

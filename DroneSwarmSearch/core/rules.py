@@ -138,8 +138,10 @@ class RewardScheme:
         All other figures are 0. The reward does not depend on where the person is, only on
         what is known, so returns vary less than with `sparse`. A search of cell k adds the
         mean over persons of (1 - POS) b(k) q, where b is the belief and q the probability of
-        detection; of several drones in a step, each counts its own cell. Persons with `survival`
-        count as much as the probability that they are alive in that step.
+        detection; of several drones in a step, each counts its own cell. Of persons who drift
+        together (`Scenario.shared_drift`), only those still missing count, and (1 - POS) b(k) is
+        the probability, given the finds, that one is in the cell and has been missed so far.
+        Persons with `survival` count as much as the probability that they are alive in that step.
 
         Args:
             find: the reward of a certain find.

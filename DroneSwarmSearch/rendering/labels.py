@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from DroneSwarmSearch.core.frame import Frame
 
-
 NOTHING = 1e-12
 
 
