@@ -104,3 +104,5 @@ def test_a_plan_beats_the_manual():
 def test_an_unknown_method_is_refused():
     with pytest.raises(ValueError, match=r"method must be one of 'best', 'manual', got 'worst'"):
         plan_flights(Incident(**KNOWN), method="worst")
+    with pytest.raises(ValueError, match="seconds cannot be given together with method 'manual'"):
+        plan_flights(Incident(**KNOWN), method="manual", seconds=5)

@@ -16,7 +16,7 @@ from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.geo.coast import NONE, Land
 from DroneSwarmSearch.geo.units import KNOT, radioed
 from DroneSwarmSearch.incident.drone import drone_of
-from DroneSwarmSearch.incident.families import Shape
+from DroneSwarmSearch.incident.families import Boxes, Shape
 from DroneSwarmSearch.incident.flights import (
     Waypoint,
     down_to_the_minute,
@@ -255,6 +255,8 @@ class FlightPlan:
             return (
                 f"Free patterns, which find {self.points_more:.0f} points more than adjacent boxes."
             )
+        if not isinstance(self.shape, Boxes):
+            return "Free patterns: no adjacent boxes can be flown there."
         if len(self.flights) == 1:
             return "One box."
         return f"{len(self.flights)} adjacent boxes of one rectangle."

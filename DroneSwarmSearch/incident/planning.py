@@ -89,6 +89,10 @@ def plan(
     checks.choice("method", method, METHODS)
     if seconds is not None:
         seconds = checks.positive("seconds", seconds)
+        if method == MANUAL:
+            raise ValueError(
+                "seconds cannot be given together with method 'manual', which improves nothing"
+            )
     figures = simulate(incident, FIGURES, 0)
     if method == MANUAL:
         area = Area(incident, figures)

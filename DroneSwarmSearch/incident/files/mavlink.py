@@ -118,7 +118,8 @@ def _loiter(plan: FlightPlan, drone: int) -> tuple[float, float]:
 def _at(command: int, waypoint: Waypoint, *params: float) -> Item:
     """A command at a waypoint, with its first parameters."""
     first = [*params, *[0] * (4 - len(params))]
-    latitude, longitude = round(waypoint.latitude, 7), round(waypoint.longitude, 7)
+    latitude = round(waypoint.latitude, 7)
+    longitude = round(waypoint.longitude, 7)
     return Item(command, RELATIVE_ALTITUDE, [*first, latitude, longitude, waypoint.altitude])
 
 
