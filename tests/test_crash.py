@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from twins import Twins
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme, Scenario
 from DroneSwarmSearch.core import rules
@@ -69,35 +70,16 @@ def test_batches_are_the_same_bit_for_bit(crash, changes):
         vectors = [(0.3, 0.0), (-0.3, 0.2)]
         drifts = [Drift((2, 2), vector=vector, diffusion=0.1) for vector in vectors]
         changes |= {"persons": [Person(drifts, 0.6), Person(drifts, 0.4)], "shared_drift": True}
-    scenario = search(crash=crash, **changes)
-    rows = 6
     start = [(1, 2), (2, 2), (3, 2)]
-    batch = SearchBatch(rows, scenario, drones_positions=start)
-    batch.reset(seeds=range(rows))
-    envs = [DroneSwarmSearch(scenario=scenario) for _ in range(rows)]
-    for seed, env in enumerate(envs):
-        env.reset(seed=seed, drones_positions=start)
+    twins = Twins(6, {"scenario": search(crash=crash, **changes), "drones_positions": start})
+    twins.reset(range(6))
+    shared = 0
     rng = np.random.default_rng(0)
-    shared = finds = 0
-    for _ in range(60):
-        actions = rng.choice([LEFT, RIGHT, UP, DOWN, *[SEARCH] * 4], size=(rows, 3))
-        batch.step(actions)
-        matrices = batch.matrices_of(range(rows))
-        for row, env in enumerate(envs):
-            if not env.agents:
-                continue
-            observations, rewards, _, _, infos = env.step(
-                {f"drone{drone}": int(action) for drone, action in enumerate(actions[row])}
-            )
-            cells = env.snapshot().cells
-            assert cells == batch.cells[row].tolist()
-            assert [rewards[f"drone{drone}"] for drone in range(3)] == batch.rewards[row].tolist()
-            assert np.array_equal(observations["drone0"]["observation"][1], matrices[row])
-            shared += len(set(cells)) < 3
-            finds += not env.agents and sum(infos["persons_found"])
-            assert (env.frame().ending or 0) == batch.endings[row]
-    assert (shared > 2) == (crash == "pass")
-    assert finds > 0 or scenario.mission == "coverage"
+    for _ in range(80):
+        twins.step(rng.choice([LEFT, RIGHT, UP, DOWN, *[SEARCH] * 4], size=(6, 3)))
+        shared += sum(len(set(frame.drones)) < 3 for frame in twins.frames)
+    assert (shared > 20) == (crash == "pass")
+    assert max(twins.episodes) > 0
 
 
 def test_several_searches_of_a_cell_count_each():

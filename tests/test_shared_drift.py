@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from twins import Twins, play
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme, Scenario, Tracks
 from DroneSwarmSearch.bound import success_bound
@@ -153,30 +154,26 @@ SCENARIOS = {
 
 @pytest.mark.parametrize("changes", SCENARIOS.values(), ids=SCENARIOS)
 def test_batches_are_the_same_bit_for_bit(changes):
-    scenario = wreck(3, size=9, n_drones=3, **changes)
-    rows = 5
-    positions = [(1, 1), (4, 1), (7, 3)]
-    batch = SearchBatch(rows, scenario, drones_positions=positions)
-    batch.reset(seeds=range(rows))
-    envs = [DroneSwarmSearch(scenario=scenario) for _ in range(rows)]
-    for seed, env in enumerate(envs):
-        env.reset(seed=seed, drones_positions=positions)
-    rng = np.random.default_rng(1)
-    for _ in range(20):
-        actions = moves_apart(rng, batch.positions, 9)
-        batch.step(actions)
-        matrices = batch.matrices_of(range(rows))
-        for row, env in enumerate(envs):
-            if not env.agents:
-                continue
-            observations, rewards, _, _, infos = env.step(
-                {f"drone{drone}": int(action) for drone, action in enumerate(actions[row])}
-            )
-            assert np.array_equal(observations["drone0"]["observation"][1], matrices[row])
-            assert [rewards[f"drone{drone}"] for drone in range(3)] == batch.rewards[row].tolist()
-            assert env.frame().hypotheses == batch.frame(row).hypotheses
-            if batch.probability_of_success is not None:
-                assert infos["probability_of_success"] == batch.probability_of_success[row]
+    scenario = wreck(3, size=7, n_drones=3, **changes)
+    twins = Twins(5, {"scenario": scenario, "drones_positions": [(1, 1), (3, 1), (2, 3)]})
+    twins.reset(range(5))
+    play(twins, 60)
+    assert max(twins.episodes) > 0
+
+
+def test_situations_may_have_different_hypotheses():
+    two = [Drift((1, 2), vector=(0.2, 0.1), diffusion=0.1), Drift((3, 2), diffusion=0.3, weight=3)]
+    situations = [
+        [person((1, 1)), person((2, 1), slow=0.5)],
+        [Person(two, 0.6), Person(two[::1], 0.9)],
+        [Person(Drift((2, 2), diffusion=0.2), 0.5), Person(Drift((1, 3)), 0.5)],
+    ]
+    parameters = {"grid_size": 6, "n_drones": 2, "timestep_limit": 15, "bayesian_update": True}
+    twins = Twins(6, {**parameters, "situations": situations, "shared_drift": True})
+    twins.reset(range(6))
+    play(twins, 50)
+    twins.reset(range(6), given={"situations": situations[1:]})
+    play(twins, 20)
 
 
 def test_all_persons_have_one_hypothesis_as_often_as_it_weighs():
