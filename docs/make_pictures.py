@@ -11,6 +11,7 @@ from __future__ import annotations
 import io
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -60,14 +61,16 @@ def gallery() -> None:
 
 
 def plan() -> None:
-    """Run the command of the guide "From a distress call to a plan"; save its map and its page."""
+    """Run the command of the guide "From a distress call to a plan"; save its map and page."""
     guide = (IMAGES.parent / "guides" / "incident.md").read_text("utf-8")
     (command,) = re.findall(r"^droneswarmsearch (plan --position .* --out) plan$", guide, re.M)
     with TemporaryDirectory() as folder:
         cli.main([*shlex.split(command), folder])
         picture = Image.open(Path(folder) / "map.png").convert("RGB")
         picture.quantize(64).save(IMAGES / "plan.png", optimize=True)
-        photograph(Path(folder) / "plan.html")
+        page = Path(folder) / "plan.html"
+        shutil.copy(page, ROOT / "docs" / "static" / "plan.html")
+        photograph(page)
 
 
 def photograph(page: Path) -> None:
