@@ -67,7 +67,7 @@ def plan() -> None:
     with TemporaryDirectory() as folder:
         cli.main([*shlex.split(command), folder])
         picture = Image.open(Path(folder) / "map.png").convert("RGB")
-        picture.quantize(64).save(IMAGES / "plan.png", optimize=True)
+        picture.quantize(128).save(IMAGES / "plan.png", optimize=True)
         page = Path(folder) / "plan.html"
         shutil.copy(page, ROOT / "docs" / "static" / "plan.html")
         photograph(page)

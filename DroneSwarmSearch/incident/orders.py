@@ -24,7 +24,6 @@ from DroneSwarmSearch.incident.particles import Particles
 from DroneSwarmSearch.incident.patterns import PARALLEL, SECTOR, Pattern
 
 SHORT = 50.0  # metres; legs that are shorter are not worth a word
-CUT = 0.95  # a leg that is shorter than this share of the longest one is mentioned
 NOSE = 3.0  # degrees from the track, above which the nose's heading is mentioned
 
 
@@ -214,11 +213,13 @@ class Order:
         text = plural(len(along), "leg")
         if self.pattern.legs < len(along):
             text += f" on {plural(self.pattern.legs, 'track')}"
-        shortest = CUT * along.max()
-        if along[0] < shortest:
-            text += f", the first {along[0] / 1000:.1f} km"
-        if len(along) > 1 and along[-1] < shortest:
-            text += f", the last {along[-1] / 1000:.1f} km"
+        usual = _kilometres(along.max())
+        first = _kilometres(along[0])
+        last = _kilometres(along[-1])
+        if first != usual:
+            text += f", the first {first}"
+        if len(along) > 1 and last != usual:
+            text += f", the last {last}"
         return text
 
     @property
@@ -271,4 +272,8 @@ def _degrees(angle: float) -> str:
 
 def _length(metres: float) -> str:
     """A length in kilometres and nautical miles."""
-    return f"{metres / 1000:.1f} km ({metres / 1852:.1f} NM)"
+    return f"{_kilometres(metres)} ({metres / 1852:.1f} NM)"
+
+
+def _kilometres(metres: float) -> str:
+    return f"{metres / 1000:.1f} km"
