@@ -453,7 +453,8 @@ def test_adjacent_boxes_share_a_rectangle(plan):
         assert first.heading == second.heading
         assert first.spacing == second.spacing
         corners = [pattern.points(2 * pattern.legs) for pattern in (first, second)]
-        along, aside = np.array([0.0, 1.0]), np.array([-1.0, 0.0])  # heading north, to port
+        along = np.array([0.0, 1.0])  # heading north
+        aside = np.array([-1.0, 0.0])  # to port
         axis, other = (aside, along) if abreast else (along, aside)
         ends = [(float((each @ axis).min()), float((each @ axis).max())) for each in corners]
         assert ends[1][0] - ends[0][1] == pytest.approx(first.spacing)

@@ -33,7 +33,8 @@ KNOWN: dict[str, Any] = {
 
 def test_the_worked_case(monkeypatch):
     """Leeway .029 U + .04 kn, 15 degrees off the wind; 5 h; errors of .3 kn; X = Y = 1 NM."""
-    cos, sin = math.cos(math.radians(15)), math.sin(math.radians(15))
+    cos = math.cos(math.radians(15))
+    sin = math.sin(math.radians(15))
     offset = 4 * KNOT  # cm/s of .04 kn
     raft = leeway.ObjectClass(
         "WORKED",

@@ -18,7 +18,14 @@ from DroneSwarmSearch.incident import plan as plan_flights
 
 pytest.importorskip("cmaes")
 
-WAYPOINT, RETURN, LAND, TAKE_OFF, LOITER, SPEED, LANDING = 16, 20, 21, 22, 31, 178, 189
+# Commands of MAVLink.
+WAYPOINT = 16
+RETURN = 20
+LAND = 21
+TAKE_OFF = 22
+LOITER = 31
+SPEED = 178
+LANDING = 189
 
 PLACES = {"north sea": (54.18, 7.85), "date line": (-17.0, 180.0)}
 

@@ -5,6 +5,7 @@ import json
 import re
 import time
 from html import unescape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from DroneSwarmSearch.incident import FlightPlan, Incident, write
 from DroneSwarmSearch.incident import plan as plan_flights
 
 pytest.importorskip("cmaes")
+
+ROOT = Path(__file__).parents[1]
 
 ISLAND = {
     "type": "Polygon",
@@ -56,6 +59,16 @@ def test_it_needs_no_other_file(page):
     text = text.replace('<link rel="icon" href="data:,">', "")  # no favicon is asked for
     assert not re.findall(r"""(?:src|href)\s*=|url\(|@import|https?:|fetch\(|import\s*\(""", text)
     assert page.stat().st_size < 1_000_000
+
+
+def test_the_page_in_the_documentation_is_up_to_date():
+    """After a change of its parts: python docs/make_pictures.py plan."""
+    text = (ROOT / "docs" / "static" / "plan.html").read_text("utf-8")
+    parts = ROOT / "DroneSwarmSearch" / "incident" / "files" / "page"
+    if not parts.is_dir():
+        pytest.skip("the package is installed elsewhere")
+    for name in ("page.css", "page.js"):
+        assert (parts / name).read_text("utf-8") in text
 
 
 def test_it_says_what_the_orders_say(plan, page):

@@ -15,7 +15,8 @@ from DroneSwarmSearch.planning import plan_paths
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.vector import SearchBatch
 
-SEARCH, IDLE = int(Action.SEARCH), int(Action.IDLE)
+SEARCH = int(Action.SEARCH)
+IDLE = int(Action.IDLE)
 
 VECTORS = [(0.5, 0.0), (0.0, 0.5), (-0.4, 0.2)]
 WEIGHTS = [0.5, 0.3, 0.2]

@@ -40,7 +40,7 @@ def draws_given(hypothesis: Floats, draws: Floats, weights: Floats) -> Floats:
         weights: of the hypotheses: (hypotheses, ...).
     """
     limits = np.concatenate([np.zeros((1, *weights.shape[1:])), weights.cumsum(axis=0)])
-    last = (weights > 0.0).shape[0] - 1 - (weights > 0.0)[::-1].argmax(axis=0)
+    last = len(weights) - 1 - (weights > 0.0)[::-1].argmax(axis=0)
     chosen = np.minimum((limits[1:] <= hypothesis).sum(axis=0), last)
     begin = np.take_along_axis(limits, chosen[None], 0)[0]
     weight = np.take_along_axis(weights, chosen[None], 0)[0]

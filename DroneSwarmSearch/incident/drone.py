@@ -104,6 +104,13 @@ class Drone:
         back = length / self.ground_speed(wind, -unit)
         return float(there[0]), float(back[0])
 
+    def time_around(self, point: Floats) -> float:
+        """The seconds that are left around a point, without the climb and the ways; at least 0."""
+        ways = sum(self.ways(point))
+        if np.isnan(ways):
+            return 0.0
+        return max(self.endurance - 2 * self.climbing - ways, 0.0)
+
     def ground_speeds(self, flight: Floats) -> Floats:
         """The speed on each leg of what `fly` returns, in m/s: (n - 1,)."""
         seconds, *points = flight.T

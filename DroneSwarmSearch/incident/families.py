@@ -111,6 +111,12 @@ class Rectangle:
         right = np.array([np.cos(self.heading), -np.sin(self.heading)])
         return right * self.side
 
+    def corner(self, tracks: int) -> Floats:
+        """Where the first of so many tracks begins, which lie around the centre."""
+        begin = self.centre - self.along * self.length / 2
+        corner: Floats = begin - self.aside * (tracks - 1) * self.spacing / 2
+        return corner
+
 
 class _Box(NamedTuple):
     """The part of a rectangle that one drone searches, with legs along it."""
@@ -126,8 +132,7 @@ def _beside_each_other(rectangle: Rectangle, shares: Floats) -> list[_Box]:
     edges = np.append(0.0, shares.cumsum()) * tracks
     legs = np.maximum(np.diff(np.rint(edges)).astype(np.int64), 1)
     first = np.append(0, legs.cumsum())
-    corner = rectangle.centre - rectangle.along * rectangle.length / 2
-    corner = corner - rectangle.aside * (first[-1] - 1) * rectangle.spacing / 2
+    corner = rectangle.corner(int(first[-1]))
     return [
         _Box(corner + rectangle.aside * track * rectangle.spacing, rectangle.length, count)
         for track, count in zip(first[:-1].tolist(), legs.tolist(), strict=True)
@@ -138,8 +143,7 @@ def _end_to_end(rectangle: Rectangle, shares: Floats) -> list[_Box]:
     """Boxes along the legs, which end half a spacing inside of them."""
     tracks = max(round(rectangle.width / rectangle.spacing), 1)
     edges = np.append(0.0, shares.cumsum()) * rectangle.length
-    corner = rectangle.centre - rectangle.along * rectangle.length / 2
-    corner = corner - rectangle.aside * (tracks - 1) * rectangle.spacing / 2
+    corner = rectangle.corner(tracks)
     boxes = []
     for begin, end in pairwise(edges.tolist()):
         start = corner + rectangle.along * (begin + rectangle.spacing / 2)
@@ -195,8 +199,7 @@ class Area:
         start = frame.centre
         if free.kind == PARALLEL:
             legs = max(round(frame.width / frame.spacing), 1)
-            start = start - frame.along * frame.length / 2
-            start = start - frame.aside * (legs - 1) * frame.spacing / 2
+            start = frame.corner(legs)
         return Pattern(
             kind=free.kind,
             start=start,
@@ -248,10 +251,8 @@ class Area:
 
     def _shares(self, middles: Floats) -> Floats:
         """Shares of the drones by the time that each has at its point, (n, 2); they sum to 1."""
-        times = []
-        for drone, middle in zip(self.drones, middles, strict=True):
-            there, back = drone.ways(middle)
-            times.append(drone.endurance - 2 * drone.climbing - np.nan_to_num(there + back))
+        pairs = zip(self.drones, middles, strict=True)
+        times = [drone.time_around(middle) for drone, middle in pairs]
         least = LEAST_SHARE * max(max(times), 1.0)
         long = np.maximum(times, least)
         shares: Floats = long / long.sum()

@@ -18,7 +18,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.geo.units import KNOT
-from DroneSwarmSearch.incident.drone import Drone, drone_of
+from DroneSwarmSearch.incident.drone import drone_of
 from DroneSwarmSearch.incident.flights import track
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.persons import leeway
@@ -115,7 +115,7 @@ def worksheet(incident: Incident) -> Worksheet:
     half_way = incident.seconds(incident.start) + drones[0].endurance / 2
     both = datums(incident, half_way)
     sweep_width = incident.swath * incident.probability_of_detection
-    times = [_on_scene(drone, both.mean(axis=0)) for drone in drones]
+    times = [drone.time_around(both.mean(axis=0)) for drone in drones]
     return Worksheet(
         datums=both,
         error=total_probable_error(
@@ -178,14 +178,6 @@ def optimal_search_factor(relative_effort: float) -> float:
     contained = np.array([math.erf(math.sqrt(math.log(2)) * factor) for factor in factors]) ** 2
     detected = 1.0 - np.exp(-relative_effort / (4 * factors**2))
     return float(factors[(contained * detected).argmax()])
-
-
-def _on_scene(drone: Drone, point: Floats) -> float:
-    """The seconds that a drone has around a point."""
-    ways = sum(drone.ways(point))
-    if math.isnan(ways):
-        return 0.0
-    return max(drone.endurance - 2 * drone.climbing - ways, 0.0)
 
 
 def _swept(incident: Incident) -> list[float]:

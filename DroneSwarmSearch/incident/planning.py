@@ -169,12 +169,14 @@ def alternatives(made: FlightPlan) -> Iterator[Alternative]:
     Each comes from a quick plan, which begins with the patterns of this one.
     """
     incident = made.incident
-    yield _alternative("One more drone", made, drones=incident.drones + 1)
-    yield _alternative("Half an hour more", made, endurance=incident.endurance + 1800)
+    # With the same random numbers as the alternatives.
+    same = replace(made, particles=simulate(incident, MANY, 2))
+    yield _alternative("One more drone", same, drones=incident.drones + 1)
+    yield _alternative("Half an hour more", same, endurance=incident.endurance + 1800)
     stronger = incident.wind.stronger(5 * KNOT)
     # Another wind would also have moved those whom earlier flights looked for.
     if stronger is not None and incident.tracks is None and not incident.flown:
-        yield _alternative("A wind 5 kn stronger", made, wind=stronger)
+        yield _alternative("A wind 5 kn stronger", same, wind=stronger)
 
 
 def _alternative(name: str, made: FlightPlan, **values: Any) -> Alternative:
@@ -187,8 +189,7 @@ def _alternative(name: str, made: FlightPlan, **values: Any) -> Alternative:
         return Alternative(name, points=None, reason="drones cannot fly there and back")
     except ValueError:
         return Alternative(name, points=None, reason="unknown, beyond the limits of what is given")
-    same = replace(made, particles=simulate(made.incident, MANY, 2))  # with the same random numbers
-    more = other.probability_of_success - same.probability_of_success
+    more = other.probability_of_success - made.probability_of_success
     return Alternative(name, points=100 * more)
 
 
@@ -290,9 +291,10 @@ def _kept_apart(
         seconds = 60.0 * minutes
         later = replace(drone, take_off=drone.take_off + seconds)
         moved = replace(pattern, start=pattern.start + pattern.drift * seconds)
-        if later.fly(moved) is None:  # the wind has changed
+        flown = later.fly(moved)
+        if flown is None:  # the wind has changed
             continue
-        flight = _flight(incident, later, moved)
+        flight = _waypoints(incident, later, flown)
         apart = min((least_distance(flight, other) for other in same_height), default=math.inf)
         if apart > farthest:
             farthest = apart
@@ -302,10 +304,8 @@ def _kept_apart(
     return chosen
 
 
-def _flight(incident: Incident, drone: Drone, pattern: Pattern) -> list[Waypoint]:
-    """The waypoints of a drone along a pattern."""
-    flown = drone.fly(pattern)
-    assert flown is not None  # it has been flown before
+def _waypoints(incident: Incident, drone: Drone, flown: Floats) -> list[Waypoint]:
+    """The waypoints of what `Drone.fly` returns."""
     points: Floats = incident.plane.degrees(flown[:, 1:])
     last = len(flown) - 1
     return [

@@ -151,12 +151,9 @@ class Beliefs:
             seen[person][:, here] = before[person][:, slots, here]
         after = shared.after_search(sums, found_in >= 0, seen, missing)
         factors = after.scale(sums)
-        is_possible = np.any(
-            factors, axis=1
-        )  # else the searches contradict the belief, which stays
-        changed = np.where(
-            np.expand_dims(is_possible, (1, 2)), searched * factors[:, :, None], before
-        )
+        # Where the searches contradict the belief, it stays.
+        is_possible = np.expand_dims(np.any(factors, axis=1), (1, 2))
+        changed = np.where(is_possible, searched * factors[:, :, None], before)
         tile, column = np.divmod(which, self._width)
         self._mass[tile, :, :, :, column] = np.moveaxis(changed, -1, 0)
         self.failure[:, which] = after.failure(missing)
