@@ -27,7 +27,8 @@ from DroneSwarmSearch.core.observations import (
     observe,
     state_planes,
 )
-from DroneSwarmSearch.core.rules import Action, Ending, RewardScheme
+from DroneSwarmSearch.core.radio import links_of
+from DroneSwarmSearch.core.rules import Ending, RewardScheme
 from DroneSwarmSearch.core.scenario import Scenario, resolve_scenario
 from DroneSwarmSearch.core.world import WorldState
 from DroneSwarmSearch.persons.person import Person
@@ -64,6 +65,10 @@ class DroneSwarmSearch(SearchSpaces):
     several persons, it is the mean over those still missing. `state()` returns the full
     state, for centralised critics.
 
+    With `radio_range`, each drone has a matrix of its own: what follows from its own searches and
+    finds and those that it has heard. The infos and the end of the episode say what all drones
+    together know, so policies must not use them.
+
     ## Rewards and endings
     See the table in `rules`. At the end of an episode, terminations and truncations are True
     for every drone, and `agents` is empty. `rewards["total_reward"]` is the sum over the
@@ -92,7 +97,7 @@ class DroneSwarmSearch(SearchSpaces):
         grid_size: see `Scenario` for this and the other parameters of the search: `n_drones`,
             `vector`, `person_initial_position`, `disperse_constant`, `timestep_limit`,
             `probability_of_detection`, `bayesian_update`, `reward_scheme`, `persons`, `mission`,
-            `shared_drift`, `crash`.
+            `shared_drift`, `crash`, `radio_range`, `search_in_flight`.
         render_mode: "human" (a window), "ansi" (`render` returns text), "rgb_array"
             (`render` returns a picture) or None.
         render_grid: draw lines between the cells.
@@ -133,6 +138,8 @@ class DroneSwarmSearch(SearchSpaces):
         mission: str = "rescue",
         shared_drift: bool = False,
         crash: str = "end",
+        radio_range: float | None = None,
+        search_in_flight: bool = False,
         scenario: Scenario | None = None,
         palette: str = "sea",
     ) -> None:
@@ -152,6 +159,8 @@ class DroneSwarmSearch(SearchSpaces):
             mission=mission,
             shared_drift=shared_drift,
             crash=crash,
+            radio_range=radio_range,
+            search_in_flight=search_in_flight,
         )
         modes = (*self.metadata["render_modes"], None)
         self.render_mode = checks.choice("render_mode", render_mode, modes)
@@ -173,7 +182,6 @@ class DroneSwarmSearch(SearchSpaces):
         # The episode, see `reset`.
         self._search: Scenario | None = None  # its parameters
         self._world: WorldState
-        self._matrix: NDArray[np.float32]
         self._drones = Drones(self._names, self._scenario)
         self._ending: Ending | None = None
 
@@ -241,7 +249,7 @@ class DroneSwarmSearch(SearchSpaces):
         if seed is not None or self._streams is None:
             self._streams = Streams.from_seed(seed)
             self._episode = 0
-        self._matrix = self._world.start(self._streams, self._episode)
+        self._world.start(self._streams, self._episode)
         self._drones.start(cells)
         self.agents = list(self._names)
         if self.render_mode == "human":
@@ -251,7 +259,7 @@ class DroneSwarmSearch(SearchSpaces):
             self._names,
             cells,
             self._grid.positions,
-            self._matrix,
+            self._world.matrices,
             found=False,
             facts=facts,
         )
@@ -301,7 +309,7 @@ class DroneSwarmSearch(SearchSpaces):
         # 2. Outcomes, rewards and the ending.
         rewards, ending = drones.resolve(chosen, targets, world)
         # 3. The persons and the matrix drift.
-        self._matrix = world.advance()
+        world.advance(drones.heard)
         self._ending = ending
         if ending is None:
             self.agents = agents
@@ -314,7 +322,7 @@ class DroneSwarmSearch(SearchSpaces):
             self._names,
             drones.cells,
             self._grid.positions,
-            self._matrix,
+            world.matrices,
             found=bool(drones.finders),
             facts=facts,
         )
@@ -376,14 +384,26 @@ class DroneSwarmSearch(SearchSpaces):
         """The parameters of the current episode; before the first `reset`, of the constructor."""
         return self._scenario if self._search is None else self._search
 
-    def frame(self) -> Frame:
+    def frame(self, drone: int | None = None) -> Frame:
         """The current state as data for pictures, including the persons.
+
+        Args:
+            drone: the number of the drone whose map to show; by default, the map of all drones
+                together. They are the same without a `radio_range`.
 
         Raises:
             ResetNeeded: before the first `reset`, and after an interrupted step or reset.
+            TypeError: `drone` is not an integer.
+            ValueError: there is no such drone.
         """
         now = self.snapshot()
         world = self._world
+        known = world.known
+        matrix = now.matrix
+        if drone is not None:
+            drone = checks.integer("drone", drone, 0, self.n_drones - 1)
+            matrix = now.matrices[drone]
+            known = world.known_by[drone] if world.known_by else known
         positions = self._grid.positions
         finds = world.finds
         drones = self._drones
@@ -392,22 +412,24 @@ class DroneSwarmSearch(SearchSpaces):
             finds[person][1] if person in finds else world.person_cell(person) for person in persons
         )
         return Frame(
-            matrix=now.matrix,
+            matrix=matrix,
             drones=tuple(positions[cell] for cell in now.cells),
-            searching=tuple(action == Action.SEARCH for action in drones.chosen),
+            searching=tuple(drone in drones.searching for drone in range(self.n_drones)),
             persons=tuple(positions[cell] for cell in person_cells),
             found_by=tuple(finds.get(person, (None, 0))[0] for person in persons),
             step=world.step,
             timestep_limit=self.timestep_limit,
             vector=self.scenario.mean_vector,
             ending=self._ending,
-            hypotheses=world.hypotheses(),
+            hypotheses=known.hypotheses(),
             probability_of_success=world.success,
-            prior=world.prior(),
+            prior=known.prior(),
             trails=tuple(tuple(positions[cell] for cell in trail) for trail in drones.trails()),
             searched=tuple((*positions[cell], age) for cell, age in drones.recent_searches()),
             total_return=sum(drones.returns),
             shared_drift=self.scenario.shared_drift,
+            viewer=drone,
+            links=None if now.heard is None else links_of(now.heard),
         )
 
     def snapshot(self) -> Snapshot:
@@ -418,4 +440,12 @@ class DroneSwarmSearch(SearchSpaces):
         """
         if not self.agents and self._ending is None:
             raise ResetNeeded("no episode has begun, or it was interrupted; call reset() first")
-        return Snapshot(self._drones.cells, self._matrix, self._world.step, self._ending)
+        return Snapshot(
+            cells=self._drones.cells,
+            matrix=self._world.matrix,
+            step=self._world.step,
+            ending=self._ending,
+            matrices=self._world.matrices,
+            heard=self._drones.heard,
+            last_heard=self._drones.last_heard,
+        )

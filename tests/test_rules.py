@@ -15,7 +15,6 @@ from DroneSwarmSearch.core import (
     SearchRules,
     StepEvents,
     collisions,
-    is_quiet,
     is_success,
     outcome,
     outcomes,
@@ -65,6 +64,7 @@ def test_every_line_of_the_table_uses_its_parameter():
 
 def test_a_step_without_searches_is_quiet_if_it_pays_all_drones_the_same_and_goes_on():
     scheme = RewardScheme(step=1, timeout=11, leave_grid=13, collision=17)
+    rules = SearchRules(scheme, 3, is_rescue=True)
     moves = bytes((Action.LEFT, Action.IDLE, Action.DOWN))
     for *targets, before in itertools.product(range(OFF_GRID, 3), repeat=4):
         if before != OFF_GRID:
@@ -72,10 +72,11 @@ def test_a_step_without_searches_is_quiet_if_it_pays_all_drones_the_same_and_goe
                 targets=targets, observed={}, found=(), found_before=(),
                 returns=[0.0] * 3, steps_before=before, all_found=False, covered=False,
             )  # fmt: skip
-            resolved = outcome(SearchRules(scheme, 3, is_rescue=True), events)
-            assert is_quiet(moves, targets, before, 3) == (resolved == ([1.0] * 3, None))
-    assert is_quiet(moves, [0, 1, 2], 0, 3)
-    assert not is_quiet(bytes((Action.LEFT, Action.SEARCH, Action.DOWN)), [0, 1, 2], 0, 3)
+            resolved = outcome(rules, events)
+            assert rules.is_quiet(moves, targets, before) == (resolved == ([1.0] * 3, None))
+    assert rules.is_quiet(moves, [0, 1, 2], 0)
+    assert not rules.is_quiet(bytes((Action.LEFT, Action.SEARCH, Action.DOWN)), [0, 1, 2], 0)
+    assert not rules._replace(search_in_flight=True).is_quiet(moves, [0, 1, 2], 0)
 
 
 def test_expected_pays_the_added_probability_of_success():
@@ -130,8 +131,7 @@ def test_outcomes_of_a_batch_equal_those_of_each_search(scheme, limit):
     rows = 3000
     n = 3
     likelihoods = [0.0, 1e-9, 0.01, float(np.float32(0.01)), 0.0100001, 0.25, 0.3, 1.0]
-    actions = rng.integers(0, 6, (rows, n))
-    searched = actions == Action.SEARCH
+    searched = rng.random((rows, n)) < 1 / 6
     targets = rng.choice([OFF_GRID, *range(8)], (rows, n))
     observed = rng.choice(likelihoods, np.count_nonzero(searched))
     found = searched & (rng.random((rows, n)) < 0.3)
@@ -142,7 +142,7 @@ def test_outcomes_of_a_batch_equal_those_of_each_search(scheme, limit):
     for is_rescue in (True, False):
         rules = SearchRules(scheme, limit, is_rescue)
         events = BatchEvents(
-            actions=actions, targets=targets, observed=observed,
+            searching=searched, targets=targets, observed=observed,
             found=found.reshape(-1).nonzero()[0], found_before=before, returns=returns,
             steps_before=steps, all_found=all_found.nonzero()[0], covered=covered.nonzero()[0],
         )  # fmt: skip

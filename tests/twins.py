@@ -118,8 +118,27 @@ class Twins:
         assert batch.steps.tolist() == [frame.step for frame in frames]
         row = self.compared % len(frames)
         assert plain(vars(batch.frame(row))) == without_history(frames[row])
+        own = np.stack([env.snapshot().matrices[: batch.observers] for env in self.envs])
+        assert batch.matrices_by_drone().tobytes() == own.tobytes()
+        assert batch.matrices_by_drone([row]).tobytes() == own[row].tobytes()
+        if self.envs[0].scenario.radio_range is not None:
+            self._compare_radio(row)
         assert batch.state_planes()[row].tobytes() == self.envs[row].state().tobytes()
         self.compared += 1
+
+    def _compare_radio(self, row: int) -> None:
+        batch = self.batch
+        moments = [env.snapshot() for env in self.envs]
+        assert batch.heard.tolist() == [moment.heard.tolist() for moment in moments]
+        assert batch.last_heard.cells.tolist() == [
+            moment.last_heard.cells.tolist() for moment in moments
+        ]
+        assert batch.last_heard.ages.tolist() == [
+            moment.last_heard.ages.tolist() for moment in moments
+        ]
+        drone = self.compared % len(self.names)
+        expected = without_history(self.envs[row].frame(drone))
+        assert plain(vars(batch.frame(row, drone))) == expected
 
 
 def random_actions(rng: random.Random, twins: Twins) -> list[list[int]]:
@@ -177,6 +196,9 @@ def random_case(rng: random.Random) -> Case:
         POD: rng.choice([each[0], each]),
         "bayesian_update": rng.random() < 0.5,
         "reward_scheme": rng.choice(SCHEMES),
+        "crash": rng.choice(["end", "end", "block", "pass"]),
+        "radio_range": rng.choice([None, None, 0, 1.5, 3]),
+        "search_in_flight": rng.random() < 0.25,
         DRONES: random_drones(rng, rows, size, n) if rng.random() < 0.6 else None,
     }
     return Case(

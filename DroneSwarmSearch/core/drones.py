@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections import deque
 from operator import add
 
+import numpy as np
+
+from DroneSwarmSearch._internal.arrays import Flags
 from DroneSwarmSearch.core import rules
 from DroneSwarmSearch.core.frame import HISTORY_STEPS, TRAIL_STEPS
-from DroneSwarmSearch.core.grid import OFF_GRID
+from DroneSwarmSearch.core.radio import LastHeard, hearing
 from DroneSwarmSearch.core.rules import Action, Ending
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.core.world import WorldState
@@ -20,24 +23,34 @@ class Drones:
 
     Attributes:
         cells: each drone's cell, y * N + x.
-        chosen: each drone's last action.
+        searching: the drones that searched in the last step.
+        heard: which drone heard which in the last step, see `radio.hearing`; None if drones always
+            hear each other.
+        last_heard: where each drone last heard each other one; or None, likewise.
         finders: the drones that have found a person in this episode.
         returns: each drone's sum of rewards.
-        history: the last steps, oldest first, and the start: all drones' cells, and their actions.
+        history: the last steps, oldest first, and the start: all drones' cells, and who searched.
     """
 
     def __init__(self, names: tuple[str, ...], scenario: Scenario) -> None:
         self._names = names
         self._rules = scenario.rules
+        self._grid_size = scenario.grid_size
+        self._radio_range = scenario.radio_range
         self._quiet = dict.fromkeys(names, self._rules.scheme.step)
+        self.heard: Flags | None = None
+        self.last_heard: LastHeard | None = None
 
     def start(self, cells: list[int]) -> None:
         """Start an episode with the drones in some cells."""
         self.cells = cells
-        self.chosen = bytes([Action.IDLE]) * len(cells)
+        self.searching: list[int] = []
         self.finders: set[int] = set()
         self.returns = [0.0] * len(cells)
-        self.history = deque([(cells, self.chosen)], maxlen=HISTORY_STEPS + 1)
+        self.history = deque([(cells, self.searching)], maxlen=HISTORY_STEPS + 1)
+        if self._radio_range is not None:
+            self.heard = np.ones((len(cells), len(cells)), np.bool_)
+            self.last_heard = LastHeard.at_start(np.array(cells))
 
     def resolve(
         self, chosen: bytes, targets: list[int], world: WorldState
@@ -46,32 +59,43 @@ class Drones:
 
         Returns each drone's reward, for reading only, and the ending or None.
         """
-        if self._rules.crash != rules.END:
-            targets = rules.arrivals(self.cells, targets, self._rules.crash)
+        crash = self._rules.crash
+        arrived = targets
+        if crash != rules.END:
+            arrived = targets = rules.arrivals(self.cells, targets, crash)
+        self.searching = []
         rewards = self._quiet
         ending = None
-        if not rules.is_quiet(chosen, targets, world.step, self._rules.timestep_limit):
-            rewards, ending = self._outcome(chosen, targets, world)
-        if ending:  # a drone that tries to leave the grid stays
-            moves = zip(self.cells, targets, strict=True)
-            targets = [cell if target == OFF_GRID else target for cell, target in moves]
-        self.chosen = chosen
-        self.cells = targets
+        if not self._rules.is_quiet(chosen, targets, world.step):
+            if crash == rules.END:
+                arrived = rules.arrivals(self.cells, targets, crash)
+            self.searching = self._searching(chosen)
+            rewards, ending = self._outcome(targets, arrived, world)
+        self.cells = arrived
         self.returns = [*map(add, self.returns, rewards.values())]
-        self.history.append((targets, chosen))
+        self.history.append((arrived, self.searching))
+        if self.last_heard is not None and self._radio_range is not None:
+            cells = np.array(arrived)
+            self.heard = hearing(cells, self._grid_size, self._radio_range)
+            self.last_heard = self.last_heard.after(cells, self.heard)
         return rewards, ending
 
+    def _searching(self, chosen: bytes) -> list[int]:
+        """The drones that search, given all actions."""
+        if self._rules.search_in_flight:
+            return [*range(len(chosen))]
+        return [drone for drone, action in enumerate(chosen) if action == _SEARCH]
+
     def _outcome(
-        self, chosen: bytes, targets: list[int], world: WorldState
+        self, targets: list[int], arrived: list[int], world: WorldState
     ) -> tuple[dict[str, float], Ending | None]:
-        """Let the drones search, and apply the rules."""
+        """Let the drones search the cells in which they have arrived, and apply the rules."""
         found: set[int] = set()
         observed: dict[int, float] = {}
-        if _SEARCH in chosen:
+        if self.searching:
             searches: dict[int, list[int]] = {}
-            for drone, (cell, action) in enumerate(zip(self.cells, chosen, strict=True)):
-                if action == _SEARCH:
-                    searches.setdefault(cell, []).append(drone)
+            for drone in self.searching:
+                searches.setdefault(arrived[drone], []).append(drone)
             observed = world.observed(searches)
             found = world.search(searches)
         events = rules.StepEvents(
@@ -97,8 +121,7 @@ class Drones:
         """The cells of the last searches, oldest first, each with the steps since then."""
         last = len(self.history) - 1
         return [
-            (cell, last - step)
-            for step, (cells, chosen) in enumerate(self.history)
-            for cell, action in zip(cells, chosen, strict=True)
-            if action == _SEARCH
+            (cells[drone], last - step)
+            for step, (cells, searching) in enumerate(self.history)
+            for drone in searching
         ]

@@ -47,6 +47,8 @@ class Frame:
         flown: the number of the drone that is flown by hand; None for none.
         scale: of a search at sea, which is shown in kilometres, minutes and m/s.
         land: (x, y) of the cells on land.
+        viewer: the number of the drone whose map this is; None for that of all drones together.
+        links: the pairs of drones in radio range; None if all drones always hear each other.
     """
 
     matrix: NDArray[np.float32]
@@ -70,6 +72,8 @@ class Frame:
     scale: Scale | None = None
     land: tuple[tuple[int, int], ...] = ()
     shared_drift: bool = False
+    viewer: int | None = None
+    links: tuple[tuple[int, int], ...] | None = None
 
     @property
     def grid_size(self) -> int:

@@ -27,6 +27,9 @@ That is `crash="end"`. With "block", a drone that would leave the grid or enter 
 where it is; lower numbers go first. With "pass", only the border blocks: drones fly at different
 heights, and may share a cell. Whoever is blocked gets the reward of anything else.
 
+With `search_in_flight`, every drone searches in every step the cell in which it is after its
+action, so "it searched" applies to all drones.
+
 Each rule has a scalar form, for one search, and beside it an array form, for many.
 """
 
@@ -42,7 +45,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch.core.grid import OFF_GRID
 
 
@@ -170,12 +173,12 @@ CRASHES = (END, BLOCK, PASS)
 def arrivals(cells: Sequence[int], targets: Sequence[int], crash: str) -> list[int]:
     """The cells in which drones arrive that want to move to their targets, or to OFF_GRID.
 
-    With "block", a drone finds those with lower numbers where they have moved to, and those with
-    higher numbers where they are; with "pass", it only stays on the grid. Not for "end".
+    Nobody leaves the grid. With "block", a drone finds those with lower numbers where they have
+    moved to, and those with higher numbers where they are, and stays if its target is taken.
     """
     reached = list(cells)
     for drone, target in enumerate(targets):
-        if target != OFF_GRID and (crash == PASS or target not in reached):
+        if target != OFF_GRID and (crash != BLOCK or target not in reached):
             reached[drone] = target
     return reached
 
@@ -218,21 +221,6 @@ def collisions(targets: Ints) -> Ints:
     return collided.T.reshape(-1).nonzero()[0]
 
 
-def is_quiet(
-    actions: bytes, targets: Sequence[int], steps_before: int, timestep_limit: int
-) -> bool:
-    """Whether `outcome` is `RewardScheme.step` for all drones, without an ending.
-
-    Only searches find persons or cover the area, so no drone searches, none crashes, and it is
-    not the last step. Most steps are quiet, and skipping the table saves a fifth of their time.
-    """
-    return (
-        _SEARCH not in actions
-        and steps_before != timestep_limit - 1
-        and len({OFF_GRID, *targets}) > len(targets)
-    )
-
-
 class SearchRules(NamedTuple):
     """What the rules depend on in all steps of a search.
 
@@ -241,12 +229,27 @@ class SearchRules(NamedTuple):
         timestep_limit: the number of steps in an episode.
         is_rescue: whether the mission is to find persons.
         crash: one of `CRASHES`.
+        search_in_flight: whether every drone searches in every step.
     """
 
     scheme: RewardScheme
     timestep_limit: int
     is_rescue: bool
     crash: str = END
+    search_in_flight: bool = False
+
+    def is_quiet(self, actions: bytes, targets: Sequence[int], steps_before: int) -> bool:
+        """Whether `outcome` is `RewardScheme.step` for all drones, without an ending.
+
+        Only searches find persons or cover the area, so no drone searches, none crashes, and it is
+        not the last step. Most steps are quiet, and skipping the table saves a fifth of their time.
+        """
+        return (
+            _SEARCH not in actions
+            and not self.search_in_flight
+            and steps_before != self.timestep_limit - 1
+            and len({OFF_GRID, *targets}) > len(targets)
+        )
 
 
 class StepEvents(NamedTuple):
@@ -280,11 +283,11 @@ class BatchEvents(NamedTuple):
 
     Arrays have the shape (searches, n), or (searches,) without drones. Exceptions: `observed` is
     for the drones that search, in their order; `found` holds the numbers of drones, row * n +
-    drone, possibly with repetitions; `all_found` and `covered` hold numbers of searches. `actions`
-    are those of the drones.
+    drone, possibly with repetitions; `all_found` and `covered` hold numbers of searches.
+    `searching` says which drones search.
     """
 
-    actions: Ints
+    searching: Flags
     targets: Ints
     observed: Floats
     found: Ints
@@ -297,10 +300,11 @@ class BatchEvents(NamedTuple):
 
 def outcome(rules: SearchRules, events: StepEvents) -> tuple[list[float], Ending | None]:
     """The outcome of a step: every drone's reward, and the ending if it is the last one."""
-    scheme, timestep_limit, is_rescue, crash = rules
+    scheme = rules.scheme
+    timestep_limit = rules.timestep_limit
     targets, observed, found, found_before, returns, steps_before, all_found, covered = events
     is_last = steps_before == timestep_limit - 1
-    shared = same_cell(targets) if crash == END else set()
+    shared = same_cell(targets) if rules.crash == END else set()
     rewards = []
     for drone, target in enumerate(targets):
         if target in shared:
@@ -311,7 +315,7 @@ def outcome(rules: SearchRules, events: StepEvents) -> tuple[list[float], Ending
             reward = scheme.find * observed[drone] if drone in observed else scheme.step
         elif drone in found:
             reward = scheme.find + scheme.find_early * (1 - steps_before / timestep_limit)
-        elif is_last and is_rescue and drone not in found_before:
+        elif is_last and rules.is_rescue and drone not in found_before:
             reward = scheme.timeout - returns[drone]
         elif drone not in observed:
             reward = scheme.step
@@ -342,7 +346,7 @@ def outcomes(rules: SearchRules, events: BatchEvents) -> tuple[Floats, NDArray[n
     observed = events.observed
     found = events.found
     n = targets.shape[1]
-    searched = (events.actions == Action.SEARCH.value).reshape(-1).nonzero()[0]
+    searched = events.searching.reshape(-1).nonzero()[0]
     left_grid = (targets == OFF_GRID).reshape(-1).nonzero()[0]
     collided = targets[:0, 0]
     if rules.crash == END:

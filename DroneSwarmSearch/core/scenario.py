@@ -27,7 +27,7 @@ REPLACED = ("vector", "person_initial_position", "disperse_constant", "probabili
 
 MISSIONS = ("rescue", "coverage")
 
-LATER = ("shared_drift", "crash")
+LATER = ("shared_drift", "crash", "radio_range", "search_in_flight")
 """Parameters that fingerprints leave out at their defaults: they are younger than the suite."""
 
 
@@ -67,6 +67,12 @@ class Scenario:
         crash: what happens to drones that leave the grid or enter a taken cell: "end" ends the
             episode; "block" keeps the drone where it is, lower numbers go first; with "pass", only
             the border blocks, and drones may share cells. See `rules`.
+        radio_range: how far the drones' radios reach, in cells between the centres of theirs; None
+            for drones that always hear each other. In each step, a drone hears which cells the
+            others within this distance are in, what they search and whom they find. It then
+            observes a matrix of its own, from what it has done and heard.
+        search_in_flight: whether every drone searches, in every step, the cell in which it is
+            after its action, whichever action that was.
         mission: "rescue", to find all persons; or "coverage", to gain as much probability of
             success as possible: nobody is found, and the episode ends once less than 1% is
             left to find.
@@ -89,6 +95,8 @@ class Scenario:
     mission: str = field(default="rescue", kw_only=True)
     shared_drift: bool = field(default=False, kw_only=True)
     crash: str = field(default=END, kw_only=True)
+    radio_range: float | None = field(default=None, kw_only=True)
+    search_in_flight: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
         size = checks.integer("grid_size", self.grid_size, 2)
@@ -107,7 +115,10 @@ class Scenario:
             "mission": checks.choice("mission", self.mission, MISSIONS),
             "shared_drift": checks.boolean("shared_drift", self.shared_drift),
             "crash": checks.choice("crash", self.crash, CRASHES),
+            "search_in_flight": checks.boolean("search_in_flight", self.search_in_flight),
         }
+        if self.radio_range is not None:
+            values["radio_range"] = checks.real("radio_range", self.radio_range, 0)
         if not isinstance(self.reward_scheme, RewardScheme):
             raise TypeError(f"reward_scheme must be a RewardScheme, got {self.reward_scheme!r}")
         if values["mission"] == "coverage" and self.reward_scheme == RewardScheme():
@@ -126,7 +137,8 @@ class Scenario:
             _check_shared(self.persons_to_find)
         # Two float32 matrices, and two float64 beliefs for each person and hypothesis.
         beliefs = sum(len(person.drift.weights) for person in self.persons or ()) or len(cells)
-        cell_bytes = 8 + 16 * beliefs * self.bayesian_update
+        knowing = 1 if self.radio_range is None else 1 + self.n_drones
+        cell_bytes = 8 + 16 * beliefs * knowing * self.bayesian_update
         checks.fits("the probability matrices", cell_bytes * size**2, grid_size=size)
         checks.fits("the drones", _DRONE_BYTES * self.n_drones, n_drones=self.n_drones)
 
@@ -197,6 +209,7 @@ class Scenario:
             timestep_limit=self.timestep_limit,
             is_rescue=self.mission == "rescue",
             crash=self.crash,
+            search_in_flight=self.search_in_flight,
         )
 
     @property

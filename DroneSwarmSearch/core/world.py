@@ -1,4 +1,4 @@
-"""The world state: persons adrift, searches for them, and the matrix that the drones observe.
+"""The world state: persons adrift, searches for them, and what is known about them.
 
 Persons walk only when a search or a picture needs their cells. Every draw belongs to an episode, a
 step and a person, so it does not matter when draws are made, or how many at a time.
@@ -6,92 +6,132 @@ step and a person, so it does not matter when draws are made, or how many at a t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch._internal.arrays import Flags, Singles
 from DroneSwarmSearch._internal.streams import Streams
+from DroneSwarmSearch.core.knowledge import Knowledge
 from DroneSwarmSearch.core.rules import COVERED_AT
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.drift.belief import (
-    Belief,
-    begun_beliefs,
-    mean_forecast,
-    mean_over_missing,
-    shown_matrix,
-)
-from DroneSwarmSearch.drift.shared import (
-    SharedDrift,
-    after_shared_search,
-    draws_given,
-    shared_added_success,
-)
+from DroneSwarmSearch.drift.shared import draws_given
 
 _FEWEST_AHEAD = 8
 _MOST_AHEAD = 32
 """The steps that persons walk at a time, because each call has a fixed cost."""
 
 
+def _for_users(matrix: Singles) -> Singles:
+    """A read-only copy of a matrix; what users do to it cannot change the episode."""
+    copy = matrix.copy()
+    copy.setflags(write=False)
+    return copy
+
+
 class WorldState:
     """The persons of a search and what is known about them, in one episode after another.
 
-    The matrix shows the beliefs once an episode with `bayesian_update` has seen a search, see
-    `belief.shown_matrix`. Beliefs may also be kept without being shown, see
-    `Scenario.keeps_beliefs`.
-
     Attributes:
         persons: all persons, by number.
-        missing: the persons not yet found.
         finds: for every person found, the drone that found them, and the cell.
-        step: completed steps.
-        success: the cumulative probability of success (POS) of all searches so far, or None.
+        known: what all drones together know.
+        known_by: what each drone knows; empty if all drones hear each other.
+        matrix: the matrix of all drones together, read-only.
+        matrices: the matrix that each drone observes, read-only.
         is_rescue: whether the mission is to find the persons; else nobody is found.
-        is_covered: whether a coverage mission is complete.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         self._models = scenario.forecasts()
-        self._persons = scenario.persons_to_find
         self._detections = scenario.detections
-        self._keeps_beliefs = scenario.keeps_beliefs
-        self._shows_beliefs = scenario.bayesian_update
         self._shared_weights = scenario.shared_weights
         self._pays_expectation = scenario.reward_scheme.expected_finds
         self.is_rescue = scenario.mission == "rescue"
         self.persons = tuple(range(len(self._models)))
+        self._n_drones = scenario.n_drones
+        self.known = Knowledge(scenario, self._models, scenario.keeps_beliefs)
+        alone = 0 if scenario.radio_range is None else scenario.n_drones
+        self.known_by = [
+            Knowledge(scenario, self._models, scenario.bayesian_update) for _ in range(alone)
+        ]
 
-    def start(self, streams: Streams, episode: int) -> Singles:
-        """Start the episode with this number since the seed; returns as `advance` does."""
+    def start(self, streams: Streams, episode: int) -> None:
+        """Start the episode with this number since the seed."""
         self._streams = streams
         self._episode = episode
-        self.step = 0
-        self.missing = self.persons
         self.finds: dict[int, tuple[int, int]] = {}
         self._paths: list[list[int]] = []  # each person's states over some steps
         self._paths_first = 0  # the first of these steps
-        self._beliefs: list[Belief] | None = None  # from the first search on
-        self._shared: SharedDrift | None = None  # the same, if persons drift together
-        self.success = 0.0 if self._keeps_beliefs else None
-        self.is_covered = False
-        return self._shown_matrix()
+        self._forget_step()
+        for knowledge in (self.known, *self.known_by):
+            knowledge.start()
+        self._show()
+
+    def _forget_step(self) -> None:
+        """Forget the searches of the last step, by cell, and its finds, by drone."""
+        self._searches: Mapping[int, Sequence[int]] = {}
+        self._found_by: dict[int, dict[int, int]] = {}
+
+    @property
+    def step(self) -> int:
+        """Completed steps."""
+        return self.known.step
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """The persons not yet found."""
+        return self.known.missing
+
+    @property
+    def success(self) -> float | None:
+        """The cumulative probability of success (POS) of all searches so far, or None."""
+        return self.known.success
+
+    @property
+    def is_covered(self) -> bool:
+        """Whether a coverage mission is complete."""
+        success = self.known.success
+        return not self.is_rescue and success is not None and success > COVERED_AT
+
+    def _show(self) -> None:
+        """Make the matrices of a step."""
+        self._matrix = self.known.matrix()
+        self.matrix = _for_users(self._matrix)
+        self.matrices = [self.matrix] * self._n_drones
+        if self.known_by:
+            self.matrices = [_for_users(knowledge.matrix()) for knowledge in self.known_by]
 
     # Time.
 
-    def advance(self) -> Singles:
-        """Complete a step: the persons and the matrix drift; returns a read-only matrix."""
-        if self._beliefs is not None:
-            self._beliefs = [belief.after_drift(self.step) for belief in self._beliefs]
-        self.step += 1
-        return self._shown_matrix()
+    def advance(self, heard: Flags | None = None) -> None:
+        """Complete a step: the drones tell each other what they did, and all drifts.
 
-    def _shown_matrix(self) -> Singles:
-        beliefs = self._beliefs if self._shows_beliefs else None
-        self._matrix = shown_matrix(self._models, beliefs, self.missing, self.step)
-        matrix = self._matrix.copy()
-        matrix.setflags(write=False)
-        return matrix
+        Args:
+            heard: which drone hears which, see `radio.hearing`; None if all hear each other.
+        """
+        if heard is not None:
+            self._tell(heard)
+        for knowledge in self.known_by:
+            knowledge.advance()
+        self.known.advance()
+        self._show()
+
+    def _tell(self, heard: Flags) -> None:
+        """Let each drone learn of the searches and finds of this step that it hears."""
+        searches = [(cell, drone) for cell, drones in self._searches.items() for drone in drones]
+        for listener, knowledge in zip(heard, self.known_by, strict=True):
+            cells = [cell for cell, drone in searches if listener[drone]]
+            found = {
+                person: cell
+                for drone, persons in self._found_by.items()
+                if listener[drone]
+                for person, cell in persons.items()
+            }
+            if cells:
+                knowledge.update(cells, found)
+        self._forget_step()
 
     # The persons.
 
@@ -130,42 +170,21 @@ class WorldState:
     # Searches.
 
     def search(self, searches: Mapping[int, Sequence[int]]) -> set[int]:
-        """Let drones, given by cell, search, and update the beliefs; returns those with a find."""
-        finders = set()
-        found = {}
+        """Let drones, given by cell, search, and update what is known; returns the finders."""
+        found: dict[int, int] = {}
+        found_by: dict[int, dict[int, int]] = {}
         for person in self.missing if self.is_rescue else ():
             cell = self.person_cell(person)
             finder = self._finder(person, searches[cell]) if cell in searches else None
             if finder is not None:
-                finders.add(finder)
-                found[person] = cell
                 self.finds[person] = finder, cell
-                self.missing = tuple(other for other in self.missing if other != person)
-        if self._keeps_beliefs:
-            cells = [cell for cell, drones in searches.items() for _ in drones]
-            self._update_beliefs(cells, found)
-        return finders
-
-    def _update_beliefs(self, cells: Collection[int], found: Mapping[int, int]) -> None:
-        """Apply Bayes' rule to searches, and to the finds of persons in some of the cells."""
-        beliefs = self._begun_beliefs()
-        if self._shared is None:
-            self._beliefs = [belief.after_search(cells) for belief in beliefs]
-        else:
-            self._shared, self._beliefs = after_shared_search(
-                self._shared, beliefs, cells, found, self.missing
-            )
-        failures = [belief.failure for belief in self._beliefs]
-        self.success = 1.0 - mean_over_missing(failures, ())
-        self.is_covered = not self.is_rescue and self.success > COVERED_AT
-
-    def _begun_beliefs(self) -> list[Belief]:
-        """The beliefs, which begin with an episode's first search."""
-        if self._beliefs is None:
-            self._beliefs = begun_beliefs(self._models, self._detections, self.step)
-            if self._shared_weights is not None:
-                self._shared = SharedDrift.begun(self._shared_weights, len(self.persons))
-        return self._beliefs
+                found[person] = cell
+                found_by.setdefault(finder, {})[person] = cell
+        self._searches = searches
+        self._found_by = found_by
+        cells = [cell for cell, drones in searches.items() for _ in drones]
+        self.known.update(cells, found)
+        return set(found_by)
 
     def _finder(self, person: int, drones: Sequence[int]) -> int | None:
         """The first of the drones that search the person's cell who finds the person; or None."""
@@ -189,29 +208,9 @@ class WorldState:
         The matrix's value for the cell; or, with `RewardScheme.expected_finds`, the added success
         times the probability that the person is alive.
         """
+        cells = [*searches]
         if self._pays_expectation:
-            beliefs = self._begun_beliefs()
-            alive = [person.alive(self.step) for person in self._persons]
-            cells = [*searches]
-            if self._shared is None:
-                pairs = zip(beliefs, alive, strict=True)
-                added = [belief.added_success(cells, chance) for belief, chance in pairs]
-            else:
-                added = shared_added_success(self._shared, beliefs, cells, self.missing, alive)
-            values = dict(zip(cells, mean_over_missing(added, ()).tolist(), strict=True))
+            values = dict(zip(cells, self.known.added_success(cells).tolist(), strict=True))
         else:
-            values = {cell: self._matrix.item(cell) for cell in searches}
+            values = {cell: self._matrix.item(cell) for cell in cells}
         return {drone: values[cell] for cell, drones in searches.items() for drone in drones}
-
-    # What is shown.
-
-    def prior(self) -> Singles | None:
-        """The forecast of the current step if the matrix shows the beliefs; a new array."""
-        shows = self._beliefs is not None and self._shows_beliefs
-        return mean_forecast(self._models, self.missing, self.step) if shows else None
-
-    def hypotheses(self) -> tuple[tuple[float, ...], ...]:
-        """The probability of each hypothesis about each person, as the matrix shows it."""
-        if self._beliefs is not None and self._shows_beliefs:
-            return tuple(belief.model.hypotheses(belief.mass) for belief in self._beliefs)
-        return tuple(tuple(model.weights.tolist()) for model in self._models)

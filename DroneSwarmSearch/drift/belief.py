@@ -130,7 +130,7 @@ def shown_matrix(
     """The matrix that drones see, for reading only: float32, (N, N).
 
     It is the mean over the missing persons of the beliefs, or of the forecasts if these are None.
-    `vector.world` has the array form.
+    `vector.knowledge` has the array form.
     """
     if beliefs is not None:
         return mean_over_missing([belief.map() for belief in beliefs], missing).astype(np.float32)

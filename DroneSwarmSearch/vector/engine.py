@@ -22,11 +22,13 @@ from DroneSwarmSearch.core.actions import checked_actions
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.core.observations import state_planes
+from DroneSwarmSearch.core.radio import LastHeard, hearing, links_of
 from DroneSwarmSearch.core.rules import Action, Ending
 from DroneSwarmSearch.core.scenario import REPLACED, Scenario, resolve_scenario
 from DroneSwarmSearch.drift.belief import mean_forecast
 from DroneSwarmSearch.persons.person import Person
-from DroneSwarmSearch.vector.world import BatchState, Catalogue
+from DroneSwarmSearch.vector.catalogue import Catalogue
+from DroneSwarmSearch.vector.world import BatchState
 
 Situations = Sequence[Sequence[Person] | Person]
 
@@ -79,6 +81,9 @@ class SearchBatch:
         rewards: of the last step: float64, (E, n_drones).
         endings: why the last step ended episodes, each an `Ending`, or 0: int8, (E,).
         ended: rows that begin an episode in place of the next step: bool, (E,).
+        heard: which drone heard which in the last step, see `radio.hearing`: bool,
+            (E, n_drones, n_drones); all do without a `radio_range`.
+        last_heard: where each drone last heard each other one.
 
     Raises:
         TypeError: an argument is of the wrong type.
@@ -109,6 +114,8 @@ class SearchBatch:
             dataclasses.replace(scenario, persons=scenarios[0].persons)
         n = scenario.n_drones
         self._rules = scenario.rules
+        self._radio_range = scenario.radio_range
+        self._size = scenario.grid_size
         self._sampler = sampler
         self._rng = np.random.default_rng()  # of the sampler
         self._unused = 0  # episodes until the sampler draws other searches
@@ -134,6 +141,8 @@ class SearchBatch:
         self.rewards: Floats = np.zeros((rows, n))
         self.endings: NDArray[np.int8] = np.zeros(rows, np.int8)
         self.ended: Flags = np.ones(rows, np.bool_)
+        self.heard: Flags = np.ones((rows, n, n), np.bool_)
+        self.last_heard = LastHeard.at_start(self.cells)
         self._returns: Floats = np.zeros((rows, n))  # in this episode
         self._finders: Flags = np.zeros((rows, n), np.bool_)  # in this episode
 
@@ -201,8 +210,9 @@ class SearchBatch:
 
         # The input is valid: from here on the batch changes.
         self._changing = True
-        for name in ("cells", "searching", "rewards", "endings", "ended"):
+        for name in ("cells", "searching", "rewards", "endings", "ended", "heard"):
             setattr(self, name, getattr(self, name).copy())  # the caller may keep the last ones
+        self.last_heard = self.last_heard.copy()
         self._rng = rng
         self._begin(which, counters, catalogue, chosen, cells)
         self._changing = False
@@ -257,6 +267,9 @@ class SearchBatch:
             cells = self._start_cells[rows] if by_search is None else by_search[situation]
         self._world.begin(rows, keys, situation)
         self.cells[rows] = cells
+        if self._radio_range is not None:
+            self.heard[rows] = True
+            self.last_heard.restart(rows, self.cells)
         self.searching[rows] = self._finders[rows] = False
         self.rewards[rows] = self._returns[rows] = 0.0
         self.endings[rows] = 0
@@ -292,18 +305,23 @@ class SearchBatch:
 
         # 1. All drones move or search.
         targets = self._neighbours.take(self.cells * len(Action) + chosen)
-        if self._rules.crash != rules.END:
-            targets = rules.arrivals_of_rows(self.cells, targets, self._rules.crash)
+        if self._rules.crash == rules.END:
+            arrived = np.where(targets == OFF_GRID, self.cells, targets)
+        else:
+            arrived = targets = rules.arrivals_of_rows(self.cells, targets, self._rules.crash)
         self.searching = chosen == Action.SEARCH.value
+        if self._rules.search_in_flight:
+            self.searching = np.ones_like(self.searching)
+            self.searching[beginning] = False
         searches = self.searching.reshape(-1).nonzero()[0]  # by drone: row * n_drones + drone
         rows = self._row_of.take(searches)
-        cells = self.cells.take(searches)
+        cells = arrived.take(searches)
 
         # 2. The rules decide outcomes, rewards and endings.
         observed = world.observed(rows, cells)
         found = world.search(rows, cells, searches)
         events = rules.BatchEvents(
-            actions=chosen,
+            searching=self.searching,
             targets=targets,
             observed=observed,
             found=found,
@@ -317,8 +335,10 @@ class SearchBatch:
         self._finders.reshape(-1)[found] = True
         self._returns += self.rewards
         self.ended = self.endings != 0
-        np.copyto(targets, self.cells, where=targets == OFF_GRID)
-        self.cells = targets
+        self.cells = arrived
+        if self._radio_range is not None:
+            self._listen(self._radio_range)
+            world.tell(rows, cells, searches, self.heard)
 
         # 3. The clock advances; rows that had ended begin instead.
         world.advance()
@@ -326,6 +346,11 @@ class SearchBatch:
             self._begin(beginning, self._counters[:, beginning] + GOLDEN, catalogue)
         world.catalogue.forecasts.reach(int(world.step.max()))
         self._changing = False
+
+    def _listen(self, radio_range: float) -> None:
+        """Let the drones hear those in range."""
+        self.heard = hearing(self.cells, self._size, radio_range)
+        self.last_heard = self.last_heard.after(self.cells, self.heard)
 
     def _check_episodes(self, ended: Ints, *, autoreset: bool) -> None:
         """Raise `ResetNeeded` unless all rows have an episode, or may begin one."""
@@ -344,6 +369,12 @@ class SearchBatch:
     def scenario_of(self, row: int) -> Scenario:
         """The parameters of one search in its current episode, its persons included."""
         return self._world.catalogue.scenarios[int(self._world.situation[row])]
+
+    @property
+    def observers(self) -> int:
+        """How many matrices the drones of a row observe: n_drones with a `radio_range`, else 1."""
+        knowledge = self._world.known_by or self._world.known
+        return knowledge.observers
 
     @property
     def crash(self) -> str:
@@ -390,7 +421,7 @@ class SearchBatch:
         The mean over persons. None unless beliefs are kept: with `bayesian_update`,
         `RewardScheme.expected()` or the coverage mission.
         """
-        beliefs = self._world.beliefs
+        beliefs = self._world.known.beliefs
         return None if beliefs is None else beliefs.success()
 
     @property
@@ -400,11 +431,14 @@ class SearchBatch:
         It means nothing for a person who has been found. None unless beliefs are kept, see
         `probability_of_success`.
         """
-        beliefs = self._world.beliefs
+        beliefs = self._world.known.beliefs
         return None if beliefs is None else beliefs.failure.T.copy()
 
-    def frame(self, row: int) -> Frame:
-        """Everything that a picture of one row shows, including the persons, but no trails."""
+    def frame(self, row: int, drone: int | None = None) -> Frame:
+        """Everything that a picture of one row shows, including the persons, but no trails.
+
+        `drone`: the number of the drone whose map to show; by default, that of all together.
+        """
         world = self._world
         scenario = self.scenario_of(row)
         positions = Grid.of(scenario.grid_size).positions
@@ -420,18 +454,24 @@ class SearchBatch:
         success = self.probability_of_success
         prior = None
         hypotheses = [tuple(model.weights.tolist()) for model in models]
-        beliefs = world.beliefs if scenario.bayesian_update else None
-        if beliefs is not None and beliefs.begun[row]:
-            mass = beliefs.mass(np.array([row]))[..., 0]
+        known = world.known
+        observer = row
+        if drone is not None and world.known_by is not None:
+            known = world.known_by
+            observer = row * scenario.n_drones + drone
+        who = np.array([observer])
+        beliefs = known.beliefs if scenario.bayesian_update else None
+        if beliefs is not None and beliefs.begun[observer]:
+            mass = beliefs.mass(who)[..., 0]
             hypotheses = [
                 model.hypotheses(
                     masses[: model.state_shape[0], : model.layer].reshape(model.state_shape)
                 )
                 for model, masses in zip(models, mass, strict=True)
             ]
-            prior = mean_forecast(models, missing.nonzero()[0].tolist(), step)
+            prior = mean_forecast(models, known.missing[:, observer].nonzero()[0].tolist(), step)
         return Frame(
-            matrix=self.matrices_of([row])[0],
+            matrix=known.matrices(who)[0],
             drones=tuple(positions[cell] for cell in self.cells[row].tolist()),
             searching=tuple(self.searching[row].tolist()),
             persons=tuple(positions[cell] for cell in persons.tolist()),
@@ -445,17 +485,33 @@ class SearchBatch:
             prior=prior,
             total_return=sum(self._returns[row].tolist()),
             shared_drift=scenario.shared_drift,
+            viewer=drone,
+            links=None if scenario.radio_range is None else links_of(self.heard[row]),
         )
 
     # The matrices.
 
     def write_matrices(self, out: Singles) -> None:
         """Write the matrix of every row: float32, (E, N, N), indexed [y, x]."""
-        self._world.write_matrices(out)
+        self._world.known.write_matrices(out)
 
     def matrices_of(self, rows: ArrayLike) -> Singles:
         """The matrices of some rows: float32, (n, N, N), indexed [y, x]; or an IndexError."""
-        return self._world.matrices(self._rows[np.asarray(rows)])
+        return self._world.known.matrices(self._rows[np.asarray(rows)])
+
+    def matrices_by_drone(self, rows: ArrayLike | None = None) -> Singles:
+        """The matrix that each drone of some rows observes: float32, (n, n_drones, N, N).
+
+        By default of all rows. Without a `radio_range`, the second axis is 1: all observe the same.
+        """
+        knowledge = self._world.known_by or self._world.known
+        if rows is None:
+            n = self.num_rows * knowledge.observers
+            matrices = np.empty((n, self._size, self._size), np.float32)
+            knowledge.write_matrices(matrices)
+        else:
+            matrices = knowledge.matrices(knowledge.of_rows(self._rows[np.asarray(rows)]))
+        return matrices.reshape(-1, knowledge.observers, self._size, self._size)
 
     def state_planes(self) -> Singles:
         """The full state of every row, see `DroneSwarmSearch.state`: float32, (E, 3, N, N)."""
@@ -470,7 +526,7 @@ class SearchBatch:
 
         A row may occur several times.
         """
-        return self._world.probabilities(self._rows[np.asarray(rows)], np.asarray(cells))
+        return self._world.known.probabilities(self._rows[np.asarray(rows)], np.asarray(cells))
 
 
 def _scenarios_of(

@@ -1,0 +1,121 @@
+"""What is known about the persons of one search, given searches and finds.
+
+`vector.knowledge` has the array form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from DroneSwarmSearch._internal.arrays import Floats, Singles
+from DroneSwarmSearch.core.scenario import Scenario
+from DroneSwarmSearch.drift.belief import (
+    Belief,
+    begun_beliefs,
+    mean_forecast,
+    mean_over_missing,
+    shown_matrix,
+)
+from DroneSwarmSearch.drift.model import DriftModel
+from DroneSwarmSearch.drift.shared import SharedDrift, after_shared_search, shared_added_success
+
+
+class Knowledge:
+    """What is known about the persons in an episode: by all drones together, or by one of them.
+
+    Beliefs begin with the first search that is known of, see `belief.begun_beliefs`. They may be
+    kept without being shown, see `Scenario.keeps_beliefs`.
+
+    Args:
+        scenario: the search.
+        models: the drift model of each person.
+        keeps_beliefs: whether to compute the posteriors.
+
+    Attributes:
+        step: completed steps.
+        missing: the persons of whose find nothing is known.
+        success: the cumulative probability of success (POS) of the known searches, or None without
+            beliefs.
+    """
+
+    def __init__(
+        self, scenario: Scenario, models: Sequence[DriftModel], keeps_beliefs: bool
+    ) -> None:
+        self._models = models
+        self._persons = scenario.persons_to_find
+        self._detections = scenario.detections
+        self._shared_weights = scenario.shared_weights
+        self._keeps_beliefs = keeps_beliefs
+        self._shows_beliefs = scenario.bayesian_update
+
+    def start(self) -> None:
+        """Start an episode."""
+        self.step = 0
+        self.missing = tuple(range(len(self._models)))
+        self.success = 0.0 if self._keeps_beliefs else None
+        self._beliefs: list[Belief] | None = None  # from the first search on
+        self._shared: SharedDrift | None = None  # the same, if persons drift together
+
+    def advance(self) -> None:
+        """Complete a step: the beliefs drift."""
+        if self._beliefs is not None:
+            self._beliefs = [belief.after_drift(self.step) for belief in self._beliefs]
+        self.step += 1
+
+    def update(self, cells: Sequence[int], found: Mapping[int, int]) -> None:
+        """Apply Bayes' rule to a step's searches of cells, and to finds: persons, by cell."""
+        if found:
+            self.missing = tuple(person for person in self.missing if person not in found)
+        if not self._keeps_beliefs:
+            return
+        beliefs = self._begun_beliefs()
+        if self._shared is None:
+            self._beliefs = [belief.after_search(cells) for belief in beliefs]
+        else:
+            self._shared, self._beliefs = after_shared_search(
+                self._shared, beliefs, cells, found, self.missing
+            )
+        failures = [belief.failure for belief in self._beliefs]
+        self.success = 1.0 - mean_over_missing(failures, ())
+
+    def added_success(self, cells: Sequence[int]) -> Floats:
+        """What a search of each cell adds to the success, if the person is alive: (n,)."""
+        beliefs = self._begun_beliefs()
+        alive = [person.alive(self.step) for person in self._persons]
+        if self._shared is None:
+            pairs = zip(beliefs, alive, strict=True)
+            added = [belief.added_success(cells, chance) for belief, chance in pairs]
+        else:
+            added = shared_added_success(self._shared, beliefs, cells, self.missing, alive)
+        return mean_over_missing(added, ())
+
+    def _begun_beliefs(self) -> list[Belief]:
+        """The beliefs, which begin with an episode's first search."""
+        if self._beliefs is None:
+            self._beliefs = begun_beliefs(self._models, self._detections, self.step)
+            if self._shared_weights is not None:
+                self._shared = SharedDrift.begun(self._shared_weights, len(self._models))
+        return self._beliefs
+
+    # What is shown.
+
+    @property
+    def _shown_beliefs(self) -> list[Belief] | None:
+        return self._beliefs if self._shows_beliefs else None
+
+    def matrix(self) -> Singles:
+        """The matrix, for reading only: float32, (N, N)."""
+        return shown_matrix(self._models, self._shown_beliefs, self.missing, self.step)
+
+    def prior(self) -> Singles | None:
+        """The forecast of the current step if the matrix shows the beliefs; a new array."""
+        if self._shown_beliefs is None:
+            return None
+        return mean_forecast(self._models, self.missing, self.step)
+
+    def hypotheses(self) -> tuple[tuple[float, ...], ...]:
+        """The probability of each hypothesis about each person, as the matrix shows it."""
+        beliefs = self._shown_beliefs
+        if beliefs is None:
+            return tuple(tuple(model.weights.tolist()) for model in self._models)
+        return tuple(belief.model.hypotheses(belief.mass) for belief in beliefs)

@@ -1,0 +1,144 @@
+"""Radios that end: what each drone knows, in engines, observations and policies: `radio_range`."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from sea import SEARCH, Enumeration, moves_apart, wreck
+from twins import Twins, play
+
+from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme, Scenario
+
+LEFT, RIGHT, UP, DOWN, _, IDLE = map(int, Action)
+
+
+@pytest.mark.parametrize("persons", [2, 3])
+@pytest.mark.parametrize("radio_range", [0, 1, 2])
+def test_each_drone_knows_what_follows_from_what_it_hears(persons, radio_range):
+    """Three drones on 4 x 4 cells beside one enumeration for each."""
+    scenario = wreck(persons, n_drones=3, radio_range=radio_range, crash="block")
+    env = DroneSwarmSearch(scenario=scenario)
+    heard_finds = 0
+    unheard_finds = 0
+    for seed in range(8 if persons == 2 else 3):
+        env.reset(seed=seed, drones_positions=[(0, 1), (1, 2), (2, 1)])
+        exact = [Enumeration(scenario) for _ in range(3)]
+        rng = np.random.default_rng(seed)
+        for step in range(12):
+            cells = env.snapshot().cells
+            before = env.frame().found
+            actions = rng.choice([0, 1, 2, 3, SEARCH, SEARCH, SEARCH], size=3)
+            names = env.agents
+            observations, _, _, _, _ = env.step(dict(zip(names, actions.tolist(), strict=True)))
+            frame = env.frame()
+            places = np.array(frame.drones)
+            new = [who for who in range(persons) if frame.found[who] and not before[who]]
+            for listener, own in enumerate(exact):
+                distances = np.hypot(*(places - places[listener]).T)
+                hears = [drone for drone in range(3) if distances[drone] <= radio_range]
+                searched = [cells[drone] for drone in hears if actions[drone] == SEARCH]
+                found = {who: frame.found_by[who] for who in new}
+                told = {
+                    who: frame.persons[who][1] * 4 + frame.persons[who][0]
+                    for who, finder in found.items()
+                    if finder in hears
+                }
+                heard_finds += sum(found[who] != listener for who in told)
+                unheard_finds += len(found) - len(told)
+                if searched:
+                    own.search(searched, told)
+                own.drift(step)
+            if not env.agents:
+                break
+            for listener, own in enumerate(exact):
+                matrix = observations[names[listener]]["observation"][1].reshape(-1)
+                assert matrix == pytest.approx(own.matrix, abs=1e-6)
+                for weights in env.frame(listener).hypotheses:
+                    assert weights == pytest.approx(own.hypotheses, abs=1e-9)
+    assert unheard_finds > 3
+    assert (heard_finds > 0) == (radio_range > 0)
+
+
+RULES = {
+    "posterior": {"bayesian_update": True},
+    "forecast": {},
+    "expected": {"bayesian_update": True, "reward_scheme": RewardScheme.expected()},
+    "expected, forecast": {"reward_scheme": RewardScheme.expected()},
+    "coverage": {"bayesian_update": True, "mission": "coverage"},
+}
+
+
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("crash", ["end", "block", "pass"])
+@pytest.mark.parametrize("changes", RULES.values(), ids=RULES)
+def test_batches_are_the_same_bit_for_bit(changes, crash, shared):
+    if shared:
+        scenario = wreck(3, size=6, n_drones=3, **{"bayesian_update": False, **changes})
+    else:
+        person = Person(Drift((2, 2), vector=(0.2, 0.1), diffusion=0.2), 0.6)
+        scenario = Scenario(6, n_drones=3, timestep_limit=30, persons=[person] * 2, **changes)
+    scenario = scenario.replace(crash=crash, radio_range=1.5)
+    twins = Twins(4, {"scenario": scenario, "drones_positions": [(1, 1), (3, 1), (2, 3)]})
+    twins.reset(range(4))
+    play(twins, 50)
+    assert max(twins.episodes) > 0
+
+
+def test_a_drone_without_radio_is_alone():
+    """Until an unheard find, its matrix is that of a search with this drone alone, to the bit."""
+    scenario = wreck(2, size=9, n_drones=3, radio_range=0)
+    starts = [(1, 1), (4, 4), (7, 7)]
+    env = DroneSwarmSearch(scenario=scenario)
+    env.reset(seed=0, drones_positions=starts)
+    alone = [DroneSwarmSearch(scenario=scenario.replace(n_drones=1)) for _ in starts]
+    for other, start in zip(alone, starts, strict=True):
+        other.reset(seed=0, drones_positions=[start])
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        positions = np.array([env.frame().drones])
+        actions = moves_apart(rng, positions, 9)[0].tolist()
+        observations, *_ = env.step(dict(zip(env.agents, actions, strict=True)))
+        for number, other in enumerate(alone):
+            seen, *_ = other.step({"drone0": actions[number]})
+            own = observations[f"drone{number}"]["observation"]
+            assert own[0] == seen["drone0"]["observation"][0]
+            assert own[1].tobytes() == seen["drone0"]["observation"][1].tobytes()
+    assert env.frame().matrix.tobytes() != env.frame(0).matrix.tobytes()
+
+
+def test_drones_that_always_hear_each_other_share_what_they_know():
+    """A radio that reaches everywhere changes no observation."""
+    far = wreck(3, size=6, n_drones=3, radio_range=20)
+    envs = [
+        DroneSwarmSearch(scenario=far),
+        DroneSwarmSearch(scenario=far.replace(radio_range=None)),
+    ]
+    starts = [(0, 1), (2, 2), (5, 4)]
+    for env in envs:
+        env.reset(seed=3, drones_positions=starts)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        actions = moves_apart(rng, np.array([envs[0].frame().drones]), 6)[0].tolist()
+        results = [env.step(dict(zip(env.agents, actions, strict=True))) for env in envs]
+        if not envs[0].agents:
+            break
+        (own, *_), (shared, *_) = results
+        for name in own:
+            assert own[name]["observation"][1].tobytes() == shared[name]["observation"][1].tobytes()
+            assert envs[0].frame(0).matrix.tobytes() == envs[0].frame().matrix.tobytes()
+            assert envs[0].frame(0).hypotheses == envs[1].frame().hypotheses
+
+
+@pytest.mark.parametrize("wrong", [-1, float("nan"), float("inf"), "far", True, [3]])
+def test_a_range_that_is_no_distance_is_refused(wrong: Any):
+    with pytest.raises((TypeError, ValueError), match="radio_range must be a finite number of at"):
+        Scenario(radio_range=wrong)
+    with pytest.raises((TypeError, ValueError), match="radio_range must be a finite number of at"):
+        DroneSwarmSearch(radio_range=wrong)
+
+
+def test_frames_of_drones_that_do_not_exist_are_refused():
+    env = DroneSwarmSearch.example(radio_range=2)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="drone must be an integer from 0 to 2, got 3"):
+        env.frame(3)
