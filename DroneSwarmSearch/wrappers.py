@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,13 +26,14 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.core.collision_avoidance import action_masks, swarm_masks
 from DroneSwarmSearch.core.grid import Grid
 from DroneSwarmSearch.core.mappings import Infos, Rewards
+from DroneSwarmSearch.core.radio import LastHeard
 from DroneSwarmSearch.core.rules import Ending
+from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.layouts import Layout, mask_space, remaining_time_fraction
-from DroneSwarmSearch.layouts.crops import CropsLayout
-from DroneSwarmSearch.layouts.layout import own_first
+from DroneSwarmSearch.layouts.layout import Heard, own_first
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
-from DroneSwarmSearch.layouts.whole_matrix import DictLayout, FlatLayout, PlanesLayout
+from DroneSwarmSearch.layouts.view import View
 
 __all__ = [
     "ActionMask",
@@ -107,17 +107,17 @@ class SearchWrapper(BaseParallelWrapper[str, Any, int]):
 
 
 class LayoutObservation(SearchWrapper):
-    """Replaces each drone's observation by a layout of the current state.
+    """Replaces each drone's observation by a layout of what it knows.
 
     Every observation is a new array, equal to that of `DroneVectorEnv` bit for bit. Changes that
     inner wrappers made to the observations are lost, so put `ActionMask` around this wrapper.
     """
 
     def __init__(
-        self, env: ParallelEnv[str, Any, int], layout: Callable[[int, int], Layout]
+        self, env: ParallelEnv[str, Any, int], layout: Callable[[Scenario], Layout]
     ) -> None:
         super().__init__(env)
-        self.layout = layout(self._search.grid_size, self._search.n_drones)
+        self.layout = layout(self._search.scenario)
         limit = self._search.timestep_limit
         self._left = remaining_time_fraction(np.arange(limit + 1), limit)
         self._spaces = {agent: deepcopy(self.layout.space) for agent in self._names}
@@ -127,15 +127,20 @@ class LayoutObservation(SearchWrapper):
         left = self._left[now.step : now.step + 1]
         positions = self._grid.coordinates.take(now.cells, axis=0)[None]
         space = self.layout.space
-        matrix = now.matrix[None].copy()
+        different = now.matrices if self.layout.radio else now.matrices[:1]
+        matrices = np.array(different)[None]
+        heard = None
+        if now.last_heard is not None:
+            last = LastHeard(now.last_heard.cells[None], now.last_heard.ages[None])
+            heard = Heard.of(last, self._search.grid_size, self._search.timestep_limit)
         n = len(self._names)
         if isinstance(space, spaces.Box):
             shown: Any = np.empty((n, *space.shape), space.dtype)
-            self.layout.write(positions, matrix, left, shown[None])
+            self.layout.write(positions, matrices, left, shown[None], heard)
             return dict(zip(self._names, shown, strict=True))
         shown = create_empty_array(space, n, fn=np.empty)
         out = {name: array[None] for name, array in shown.items()}
-        self.layout.write(positions, matrix, left, out)
+        self.layout.write(positions, matrices, left, out, heard)
         return {
             agent: {name: array[k] for name, array in shown.items()}
             for k, agent in enumerate(self._names)
@@ -150,7 +155,7 @@ class DictObservation(LayoutObservation):
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
-        super().__init__(env, DictLayout)
+        super().__init__(env, View("drone").layout)
 
 
 class FlatObservation(LayoutObservation):
@@ -158,11 +163,12 @@ class FlatObservation(LayoutObservation):
 
     Its own x and y, then those of the other drones in the order of their names, with the
     grid scaled to 1; the remaining time fraction, 1 at the start; the matrix row by row,
-    with its maximum scaled to 1.
+    with its maximum scaled to 1. With `radio_range`, the others are where they were last heard, and
+    after them come the steps since then, as fractions of the time limit: n_drones - 1 numbers.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
-        super().__init__(env, FlatLayout)
+        super().__init__(env, View("drone", "flat").layout)
 
 
 class PlanesObservation(LayoutObservation):
@@ -170,11 +176,12 @@ class PlanesObservation(LayoutObservation):
 
     The matrix, with its maximum scaled to 1; 1 in the drone's own cell; 1 in the other
     drones' cells; the remaining time fraction in every cell. With `channels_last`, the shape is
-    (N, N, 4), as RLlib expects images; PyTorch expects channels first.
+    (N, N, 4), as RLlib expects images; PyTorch expects channels first. With `radio_range`, the
+    others are where they were last heard, with 1 less the fraction of the time limit since then.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int], channels_last: bool = False) -> None:
-        super().__init__(env, PlanesLayout)
+        super().__init__(env, View("drone", "planes").layout)
         self.channels_last = checks.boolean("channels_last", channels_last)
         if self.channels_last:
             shape = (*self.layout.space.shape[1:], 4)  # type: ignore[index]
@@ -193,21 +200,28 @@ class TopCellsObservation(LayoutObservation):
     For each of the k likeliest cells in descending order (ties row by row; k from 1 to N²), its
     offset to the right and down and its probability, with the maximum scaled to 1; the drone's own
     x and y; for each of the other drones, the nearest in steps first (ties by name), its offset to
-    the right and down; the remaining time fraction. The grid is scaled to 1.
+    the right and down; the remaining time fraction. The grid is scaled to 1. With `radio_range`,
+    the others are where they were last heard, and the steps since then come after them, as
+    fractions of the time limit: n_drones - 1 numbers.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int], k: int = 8) -> None:
-        super().__init__(env, partial(TopCellsLayout, k=k))
+        def layout(scenario: Scenario) -> Layout:
+            radio = scenario.radio_range is not None
+            return TopCellsLayout(scenario.grid_size, scenario.n_drones, k, radio=radio)
+
+        super().__init__(env, layout)
 
 
 class CropsObservation(LayoutObservation):
     """Each drone observes the matrix and the other drones in windows around itself.
 
-    float32, shape (202,), for every grid size and number of drones; see `CropsLayout`.
+    float32, shape (202,), for every grid size and number of drones, also with `radio_range`; see
+    `CropsLayout`.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
-        super().__init__(env, CropsLayout)
+        super().__init__(env, View("drone", "crops").layout)
 
 
 class OtherDrones(SearchWrapper):
@@ -216,6 +230,9 @@ class OtherDrones(SearchWrapper):
     `observation["other_drones"]` is int32, shape (n_drones - 1, 2): the (x, y) of every
     other drone, in the order of their names. The observations of `env` must be dicts: its own, or
     those of `DictObservation`.
+
+    With `radio_range`, these are the cells where the drone last heard the others, and
+    `observation["other_drones_age"]`, int32, shape (n_drones - 1,), are the steps since then.
     """
 
     def __init__(self, env: ParallelEnv[str, Any, int]) -> None:
@@ -225,16 +242,26 @@ class OtherDrones(SearchWrapper):
         self._others = own_first(n)[:, 1:]
         for agent in self._names:
             inner: Any = env.observation_space(agent)
-            others = spaces.Box(0, size - 1, (n - 1, 2), np.int32)
-            self._spaces[agent] = spaces.Dict({**inner.spaces, "other_drones": others})
+            others = {"other_drones": spaces.Box(0, size - 1, (n - 1, 2), np.int32)}
+            if self._search.scenario.radio_range is not None:
+                limit = self._search.timestep_limit
+                others["other_drones_age"] = spaces.Box(0, limit, (n - 1,), np.int32)
+            self._spaces[agent] = spaces.Dict({**inner.spaces, **others})
 
     def _observed(self, observations: Observations, infos: Infos) -> Observations:
-        cells = self._search.snapshot().cells
-        others = self._grid.coordinates.take(cells, axis=0)[self._others]
-        return {
-            agent: {**observation, "other_drones": positions}
-            for (agent, observation), positions in zip(observations.items(), others, strict=True)
-        }
+        now = self._search.snapshot()
+        others = np.array(now.cells)[self._others]
+        if now.last_heard is not None:
+            listeners = np.arange(len(self._names))[:, None]
+            others = now.last_heard.cells[listeners, self._others]
+            ages = now.last_heard.ages[listeners, self._others].astype(np.int32)
+        shown = {}
+        for drone, (agent, observation) in enumerate(observations.items()):
+            positions = self._grid.coordinates.take(others[drone], axis=0)
+            shown[agent] = {**observation, "other_drones": positions}
+            if now.last_heard is not None:
+                shown[agent]["other_drones_age"] = ages[drone]
+        return shown
 
 
 class ScaledRewards(SearchWrapper):
@@ -308,9 +335,13 @@ class ActionMask(SearchWrapper):
         return dict(zip(self._names, self._masks(), strict=True))
 
     def _masks(self) -> list[NDArray[np.int8]]:
-        cells = self._search.snapshot().cells
+        now = self._search.snapshot()
         crash = self._search.scenario.crash
-        return swarm_masks(cells, self._grid.neighbours, self.right_of_way, crash)
+        if now.heard is None:
+            return swarm_masks(now.cells, self._grid.neighbours, self.right_of_way, crash)
+        size = self._search.grid_size
+        masks = action_masks(now.cells, size, self.right_of_way, crash=crash, heard=now.heard)
+        return [*masks.astype(np.int8)]
 
     def _observed(self, observations: Observations, infos: Infos) -> Observations:
         masks = self._masks()

@@ -49,7 +49,7 @@ def written(layout: Layout, shown: Arguments, *leading: int) -> Any:
         if is_dict
         else array(layout.space)
     )
-    layout.write(positions.copy(), matrices.copy(), left, out)
+    layout.write(positions.copy(), matrices[:, None].copy(), left, out)
     return out
 
 

@@ -8,6 +8,17 @@ from sea import SEARCH, Enumeration, moves_apart, wreck
 from twins import Twins, play
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme, Scenario
+from DroneSwarmSearch.core.collision_avoidance import action_masks
+from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
+from DroneSwarmSearch.wrappers import (
+    ActionMask,
+    CropsObservation,
+    DictObservation,
+    FlatObservation,
+    OtherDrones,
+    PlanesObservation,
+    TopCellsObservation,
+)
 
 LEFT, RIGHT, UP, DOWN, _, IDLE = map(int, Action)
 
@@ -142,3 +153,129 @@ def test_frames_of_drones_that_do_not_exist_are_refused():
     env.reset(seed=0)
     with pytest.raises(ValueError, match="drone must be an integer from 0 to 2, got 3"):
         env.frame(3)
+
+
+# Observations.
+
+LAYOUTS = {
+    "dict": DictObservation,
+    "flat": FlatObservation,
+    "planes": PlanesObservation,
+    "top-cells": TopCellsObservation,
+    "crops": CropsObservation,
+}
+
+
+def moved(scenario: Scenario, steps: int = 12) -> tuple[DroneSwarmSearch, list[dict[str, int]]]:
+    """A search after some steps, and the actions that led there."""
+    env = DroneSwarmSearch(scenario=scenario)
+    env.reset(seed=5, drones_positions=[(0, 1), (1, 2), (5, 5)])
+    rng = np.random.default_rng(0)
+    made = []
+    for _ in range(steps):
+        actions = dict(zip(env.agents, rng.integers(0, 6, 3).tolist(), strict=True))
+        env.step(actions)
+        made.append(actions)
+    return env, made
+
+
+def far_apart() -> Scenario:
+    still = Person(Drift((3, 3), vector=(0.1, 0), diffusion=0.2), 0.1)
+    return Scenario(
+        7, n_drones=3, timestep_limit=40, persons=[still] * 2, bayesian_update=True,
+        crash="block", radio_range=2.5,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("masks", [None, "observation"])
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_wrappers_and_vector_environments_show_the_same(name, masks):
+    scenario = far_apart()
+    search, made = moved(scenario)
+    env = LAYOUTS[name](search)
+    if masks:
+        env = ActionMask(env, in_observation=True, right_of_way=True)
+    options = {"observation": name, "action_mask": masks, "right_of_way": True}
+    start = [(0, 1), (1, 2), (5, 5)]
+    drones = DroneVectorEnv(2, scenario=scenario, drones_positions=start, **options)
+    swarms = SwarmVectorEnv(2, scenario=scenario, drones_positions=start, **options)
+    env.reset(seed=5, drones_positions=start)
+    drones.reset(seed=[5, 6])
+    swarms.reset(seed=[5, 6])
+    for actions in made:
+        single = env.step(actions)[0]
+        chosen = np.tile(list(actions.values()), 2)
+        seen = drones.step(chosen)[0]
+        joint = swarms.step(chosen.reshape(2, 3))[0]
+    for drone, agent in enumerate(env.possible_agents):
+        assert env.observation_space(agent).contains(single[agent])
+        assert_same(single[agent], of_index(seen, drone))
+    assert swarms.observation_space.contains(joint)
+    if name == "dict":
+        shown = joint["observation"] if masks else joint
+        maps = [search.snapshot().matrices[drone] for drone in range(3)]
+        assert shown["probability_matrix"][0].tobytes() == np.stack(maps).tobytes()
+
+
+def of_index(seen: Any, index: int) -> Any:
+    if isinstance(seen, dict):
+        return {name: of_index(values, index) for name, values in seen.items()}
+    return seen[index]
+
+
+def assert_same(one: Any, other: Any) -> None:
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for name in one:
+            assert_same(one[name], other[name])
+        return
+    assert (one.dtype, one.tobytes()) == (other.dtype, other.tobytes())
+
+
+def test_layouts_show_the_others_where_they_were_last_heard():
+    env, _ = moved(far_apart())
+    now = env.snapshot()
+    others = OtherDrones(env)
+    others.reset(seed=5, drones_positions=[(0, 1), (1, 2), (5, 5)])
+    seen = others.step(dict.fromkeys(env.agents, IDLE))[0]
+    now = env.snapshot()
+    assert now.heard.tolist() == [[True, True, False], [True, True, False], [False, False, True]]
+    lonely = seen["drone2"]
+    assert others.observation_space("drone2").contains(lonely)
+    assert lonely["other_drones"].tolist() == [[0, 1], [1, 2]]
+    assert lonely["other_drones_age"].tolist() == [1, 1]
+    assert seen["drone0"]["other_drones"].tolist() == [[1, 2], [5, 5]]
+    assert seen["drone0"]["other_drones_age"].tolist() == [0, 1]
+
+    env.step({"drone0": RIGHT, "drone1": RIGHT, "drone2": IDLE})
+    age = np.float32(2 / 40)
+    flat = FlatObservation(env)._observed({}, {})["drone2"]
+    assert flat[:6].tolist() == (np.array([5, 5, 0, 1, 1, 2], np.float32) / np.float32(6)).tolist()
+    assert flat[6:9].tolist() == [age, age, np.float32(38 / 40)]
+    planes = PlanesObservation(env)._observed({}, {})["drone2"]
+    wanted = np.zeros((7, 7), np.float32)
+    wanted[1, 0] = wanted[2, 1] = 1 - age
+    assert planes[2].tolist() == wanted.tolist()
+    cells = TopCellsObservation(env, k=1)._observed({}, {})["drone2"]
+    offsets = [5 / 6, 5 / 6, -4 / 6, -3 / 6, -5 / 6, -4 / 6]
+    assert cells[3:].tolist() == pytest.approx([*offsets, age, age, 38 / 40])
+    crops = CropsObservation(env)._observed({}, {})["drone2"]
+    boxes = crops[:-2].reshape(4, 2, 25)[:, 1]
+    assert boxes[0].sum() == 0
+    assert boxes[1].sum() == pytest.approx(2 - 2 * age)
+
+
+def test_masks_know_only_of_drones_in_range():
+    cells = [0, 2, 1]
+    hears_first = np.array([[True, False, True], [False, True, False], [True, False, True]])
+    shared = action_masks(cells, 5)
+    own = action_masks(cells, 5, heard=hears_first)
+    assert not shared[0, RIGHT] and not own[0, RIGHT]  # drone 2 is in range
+    assert not shared[1, LEFT] and own[1, LEFT]  # drone 1 hears nobody
+    everybody = np.ones((3, 3), np.bool_)
+    rng = np.random.default_rng(0)
+    for right_of_way in (False, True):
+        for _ in range(200):
+            cells = rng.permutation(25)[:3]
+            masks = action_masks(cells, 5, right_of_way)
+            assert (masks == action_masks(cells, 5, right_of_way, heard=everybody)).all()

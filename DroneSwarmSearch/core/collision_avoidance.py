@@ -25,7 +25,12 @@ ACTION_OF: dict[Cell, Action] = {(0, 0): Action.IDLE, **dict(zip(MOVES, Action, 
 
 
 def action_masks(
-    cells: ArrayLike, grid_size: int, right_of_way: bool = False, *, crash: str = END
+    cells: ArrayLike,
+    grid_size: int,
+    right_of_way: bool = False,
+    *,
+    crash: str = END,
+    heard: Flags | None = None,
 ) -> Flags:
     """Which actions each drone of some swarms is allowed.
 
@@ -44,6 +49,9 @@ def action_masks(
         right_of_way: also mask moves to where a drone with a lower number may be next.
         crash: see `Scenario`. With "pass", only moves off the grid are masked: there is no right of
             way to keep.
+        heard: which drone hears which, bool, (..., n, n), indexed [listener, heard], as in
+            `SearchBatch.heard`: drones know nothing of others out of range, so they may collide
+            with them. By default, all hear each other.
 
     Returns:
         bool, shape (..., n, 6), indexed by `Action`: True where allowed.
@@ -64,6 +72,11 @@ def action_masks(
         return masks
     n = checked.shape[-1]
     by_swarm = checked.reshape(math.prod(checked.shape[:-1]), n)
+    if heard is not None:
+        by_listener = np.asarray(heard).reshape(len(by_swarm), n, n)
+        return _masks_by_radio(by_swarm, size, right_of_way, by_listener).reshape(
+            *checked.shape, len(Action)
+        )
     closed = _closed(by_swarm, grid_size)
     ahead = Grid.of(size).targets.take(by_swarm, axis=0)  # (swarms, n, 6)
     masks = ahead == by_swarm[..., None]
@@ -78,10 +91,29 @@ def action_masks(
     return masks.reshape(*checked.shape, len(Action))
 
 
+def _masks_by_radio(cells: Ints, grid_size: int, right_of_way: bool, heard: Flags) -> Flags:
+    """`action_masks` of drones that know only of those in range; cells are (swarms, n)."""
+    ahead = Grid.of(grid_size).targets.take(cells, axis=0)  # (swarms, n, 6)
+    n = cells.shape[1]
+    closed = ahead == OFF_GRID
+    for other in range(n):
+        taken = ahead == cells[:, None, other, None]
+        if right_of_way:
+            # from the other drone to those after it
+            may_be = (ahead[..., None] == ahead[:, None, other, None]).any(axis=-1)
+            taken[:, other + 1 :] |= may_be[:, other + 1 :]
+        closed |= taken & heard[:, :, other, None]
+    masks: Flags = ~closed | (ahead == cells[..., None])
+    return masks
+
+
 def swarm_masks(
     cells: list[int], neighbours: CellTable[tuple[int, ...]], right_of_way: bool, crash: str
 ) -> list[NDArray[np.int8]]:
-    """`action_masks` for a single swarm: each drone's mask, int8, shape (6,); new arrays."""
+    """`action_masks` for a single swarm: each drone's mask, int8, shape (6,); new arrays.
+
+    Of drones that all hear each other.
+    """
     if crash == PASS:
         return [
             np.array([target != OFF_GRID for target in neighbours[cell]], np.int8) for cell in cells

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from DroneSwarmSearch._internal.arrays import Singles
-from DroneSwarmSearch.layouts.layout import Layout, Positions, maxima
+from DroneSwarmSearch.layouts.layout import Heard, Layout, Positions, maxima
 
 WINDOW = 5  # boxes along each side of a window; odd, so that the drone is in the middle box
 
@@ -40,11 +40,14 @@ class CropsLayout(Layout):
     with the number of other drones in each box. Then the remaining time fraction, and the
     logarithm of the matrix's maximum, from 1e-6 to 1, scaled to [-1, 0].
 
+    With `radio`, the matrix is the drone's own, and another drone counts in the box where it was
+    last heard: 1 if it is in range, less the fraction of the time limit since then.
+
     The square root makes small probabilities visible.
     """
 
-    def __init__(self, grid_size: int, n_drones: int) -> None:
-        super().__init__(grid_size, n_drones)
+    def __init__(self, grid_size: int, n_drones: int, radio: bool = False) -> None:
+        super().__init__(grid_size, n_drones, radio)
         # [scale, probabilities or drones, box]: the windows within an observation.
         self._windows = (len(SCALES), 2, WINDOW**2)
         high = np.ones(LENGTH, np.float32)
@@ -73,26 +76,44 @@ class CropsLayout(Layout):
         is_seen_both = is_seen[:, :, None] & is_seen[:, None]
         self._boxes = np.where(is_seen_both, boxes, _NO_BOX).reshape(len(SCALES), -1).T.copy()
 
-    def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
+    def write(
+        self,
+        positions: Positions,
+        matrices: Singles,
+        left: Singles,
+        out: Singles,
+        heard: Heard | None = None,
+    ) -> None:
         count = max(1, _CHUNK_DRONES // self.n_drones)
         for first in range(0, len(positions), count):
             here = slice(first, first + count)
-            self._write_some(positions[here], matrices[here], left[here], out[here])
+            heard_here = heard and Heard(heard.positions[here], heard.ages[here])
+            self._write_some(positions[here], matrices[here], left[here], out[here], heard_here)
 
     def _write_some(
-        self, positions: Positions, matrices: Singles, left: Singles, out: Singles
+        self,
+        positions: Positions,
+        matrices: Singles,
+        left: Singles,
+        out: Singles,
+        heard: Heard | None,
     ) -> None:
-        highest = maxima(matrices)
+        size = self.grid_size
+        highest = maxima(matrices)  # (searches, matrices)
         windows = out[..., :-2].reshape(*out.shape[:2], *self._windows)
-        self._write_boxes(positions, matrices, highest, windows[..., 0, :])
-        self._write_others(positions, windows[..., 1, :])
+        # A matrix, and the drones that observe it.
+        watchers = positions.reshape(highest.size, -1, 2)
+        boxes = np.empty((*watchers.shape[:2], len(SCALES), WINDOW**2), np.float32)
+        self._write_boxes(watchers, matrices.reshape(-1, size, size), highest.reshape(-1), boxes)
+        windows[..., 0, :] = boxes.reshape(*out.shape[:2], *boxes.shape[2:])
+        self._write_others(positions, heard, windows[..., 1, :])
         out[..., -2] = left[:, None]
-        out[..., -1] = (np.log10(np.maximum(highest, _LEAST_MAXIMUM)) / _DECADES)[:, None]
+        out[..., -1] = np.log10(np.maximum(highest, _LEAST_MAXIMUM)) / _DECADES
 
     def write_windows(self, positions: Positions, matrices: Singles, out: Singles) -> None:
         """Write only the windows of probabilities, scale by scale.
 
-        Matrices are as for `write`, at any scale; `out` is float32, shape (searches, n, 4 * 5²).
+        Matrices are (searches, N, N), at any scale; `out` is float32, (searches, n, 4 * 5²).
         """
         highest = np.maximum(maxima(matrices), np.finfo(np.float32).tiny)
         windows = out.reshape(*out.shape[:2], len(SCALES), WINDOW**2)
@@ -122,11 +143,12 @@ class CropsLayout(Layout):
         np.sqrt(means, out=means)
         out[...] = means.reshape(scales, boxes, searches, drones).transpose(2, 3, 0, 1)
 
-    def _write_others(self, positions: Positions, out: Singles) -> None:
+    def _write_others(self, positions: Positions, heard: Heard | None, out: Singles) -> None:
         """Write the windows of the other drones: shape (searches, drones, scales, boxes)."""
         searches, drones = out.shape[:2]
         # [search, drone, other]: the other's offset to the right and down.
-        offsets = positions[:, None] - positions[:, :, None]
+        others = positions[:, None] if heard is None else heard.positions
+        offsets = others - positions[:, :, None]
         if self._reach < self.grid_size - 1:
             np.clip(offsets, -self._reach, self._reach, out=offsets)
         side = 2 * self._reach + 1
@@ -135,7 +157,10 @@ class CropsLayout(Layout):
         # The boxes of every drone in a row of their own, with a last one for those not seen.
         width = _NO_BOX + 1
         boxes += np.arange(0, searches * drones * width, width).reshape(searches, drones, 1, 1)
-        counts = np.bincount(boxes.reshape(-1), minlength=searches * drones * width)
+        weights = None
+        if heard is not None:
+            weights = np.repeat(1.0 - heard.ages[..., None], len(SCALES), axis=-1).reshape(-1)
+        counts = np.bincount(boxes.reshape(-1), weights, minlength=searches * drones * width)
         counts = counts.reshape(searches, drones, width)
         counts[..., _OWN_BOXES] -= 1  # the drone itself
         out[...] = counts[..., :-1].reshape(out.shape)

@@ -7,17 +7,37 @@ for networks to learn from, and only their ratios show where to search.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Singles
+from DroneSwarmSearch.core.grid import Grid
+from DroneSwarmSearch.core.radio import LastHeard
 from DroneSwarmSearch.core.rules import Action
 
 Positions = NDArray[np.integer]
 Observations = Any  # an array, or a dict of arrays
+
+
+class Heard(NamedTuple):
+    """Where each drone last heard the others, see `radio.LastHeard`.
+
+    Attributes:
+        positions: (x, y): integers, shape (S, n, n, 2), indexed [search, listener, heard].
+        ages: steps since then, as a fraction of the time limit: float32, shape (S, n, n).
+    """
+
+    positions: Positions
+    ages: Singles
+
+    @classmethod
+    def of(cls, last: LastHeard, grid_size: int, timestep_limit: int) -> Heard:
+        """The same as positions and fractions; `last` has an axis for the searches."""
+        positions = Grid.of(grid_size).coordinates.take(last.cells, axis=0)
+        return cls(positions, (last.ages / timestep_limit).astype(np.float32))
 
 
 class Layout(ABC):
@@ -25,26 +45,35 @@ class Layout(ABC):
 
     Attributes:
         space: the space of one drone's observation; for a joint layout, of one swarm's.
+        radio: whether each drone has a matrix of its own, and knows of the others what it heard.
     """
 
     space: spaces.Space[Any]
 
-    def __init__(self, grid_size: int, n_drones: int) -> None:
+    def __init__(self, grid_size: int, n_drones: int, radio: bool = False) -> None:
         self.grid_size = grid_size
         self.n_drones = n_drones
+        self.radio = radio
 
     @abstractmethod
     def write(
-        self, positions: Positions, matrices: Singles, left: Singles, out: Observations
+        self,
+        positions: Positions,
+        matrices: Singles,
+        left: Singles,
+        out: Observations,
+        heard: Heard | None = None,
     ) -> None:
         """Write observations.
 
         Args:
             positions: every drone's cell (x, y): integers, shape (S, n, 2).
-            matrices: float32, shape (S, N, N), indexed [y, x]; used as scratch and overwritten.
+            matrices: float32, indexed [y, x], shape (S, 1, N, N), or with `radio` (S, n, N, N);
+                used as scratch and overwritten.
             left: see `remaining_time_fraction`: float32, shape (S,).
             out: an array of the space's dtype and shape, or a dict of such arrays, with axes in
                 front for the searches and the drones; for a joint layout, the second one is 1.
+            heard: with `radio`, where each drone last heard the others.
         """
 
 
@@ -71,11 +100,11 @@ def scaled_positions(positions: Positions, grid_size: int, out: Singles) -> None
 
 
 def maxima(matrices: Singles) -> Singles:
-    """The maximum of each matrix: (S,)."""
-    highest: Singles = matrices.reshape(len(matrices), -1).max(axis=1)
+    """The maximum of each matrix, (...), given (..., N, N)."""
+    highest: Singles = matrices.reshape(*matrices.shape[:-2], -1).max(axis=-1)
     return highest
 
 
 def scale_to_maximum(matrices: Singles) -> None:
-    """Scale each matrix in place so that its maximum is 1."""
-    matrices /= maxima(matrices)[:, None, None]
+    """Scale each matrix, (..., N, N), in place so that its maximum is 1."""
+    matrices /= maxima(matrices)[..., None, None]

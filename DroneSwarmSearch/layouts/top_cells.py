@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch._internal.cells import cell_position
-from DroneSwarmSearch.layouts.layout import Layout, Positions, own_first, scaled_positions
+from DroneSwarmSearch.layouts.layout import (
+    Heard,
+    Layout,
+    Positions,
+    own_first,
+    scaled_positions,
+)
 
 _LOW = np.uint64(2**32 - 1)
 _HALF = np.uint64(32)
@@ -18,32 +24,53 @@ _HALF = np.uint64(32)
 class TopCellsLayout(Layout):
     """The layout of `wrappers.TopCellsObservation`; errors call `k` by `name`."""
 
-    def __init__(self, grid_size: int, n_drones: int, k: int = 8, *, name: str = "k") -> None:
-        super().__init__(grid_size, n_drones)
+    def __init__(
+        self, grid_size: int, n_drones: int, k: int = 8, *, name: str = "k", radio: bool = False
+    ) -> None:
+        super().__init__(grid_size, n_drones, radio)
         self.k = checks.integer(name, k, 1, self.grid_size**2)
-        low = np.array([-1, -1, 0] * self.k + [0, 0] + [-1, -1] * (n_drones - 1) + [0], np.float32)
+        ages = n_drones - 1 if radio else 0
+        lowest = [-1, -1, 0] * self.k + [0, 0] + [-1, -1] * (n_drones - 1) + [0] * (ages + 1)
+        low = np.array(lowest, np.float32)
         self.space = spaces.Box(low, np.ones_like(low), dtype=np.float32)
         self._others = own_first(n_drones)[:, 1:]
         self._drones = np.arange(n_drones)[:, None]
 
-    def write(self, positions: Positions, matrices: Singles, left: Singles, out: Singles) -> None:
+    def write(
+        self,
+        positions: Positions,
+        matrices: Singles,
+        left: Singles,
+        out: Singles,
+        heard: Heard | None = None,
+    ) -> None:
         size = self.grid_size
         k = self.k
         own = positions[:, :, None]
-        cells, probabilities = likeliest_cells(matrices, k)
-        x, y = cell_position(cells[:, None], size)
+        # of each matrix of each search: (searches, matrices, k)
+        cells, probabilities = likeliest_cells(matrices.reshape(-1, size, size), k)
+        cells = cells.reshape(*matrices.shape[:2], k)
+        probabilities = probabilities.reshape(cells.shape)
+        x, y = cell_position(cells, size)
         by_cell = out[..., : 3 * k].reshape(*out.shape[:2], k, 3)
         scaled_positions(x - own[..., 0], size, by_cell[..., 0])
         scaled_positions(y - own[..., 1], size, by_cell[..., 1])
-        by_cell[..., 2] = (probabilities / probabilities[:, :1])[:, None]
+        by_cell[..., 2] = probabilities / probabilities[..., :1]
 
         scaled_positions(positions, size, out[..., 3 * k : 3 * k + 2])
-        others = positions[:, self._others] - own
+        others = positions[:, self._others]
+        if heard is not None:
+            others = heard.positions[:, self._drones, self._others]
+        others = others - own
         order = np.abs(others).sum(axis=-1).argsort(axis=-1, kind="stable")
         searches = np.arange(len(others))[:, None, None]
         others = others[searches, self._drones, order]
-        by_drone = out[..., 3 * k + 2 : -1].reshape(others.shape)
+        end = 3 * k + 2 + 2 * (self.n_drones - 1)
+        by_drone = out[..., 3 * k + 2 : end].reshape(others.shape)
         scaled_positions(others, size, by_drone)
+        if heard is not None:
+            ages = heard.ages[:, self._drones, self._others]
+            out[..., end:-1] = ages[searches, self._drones, order]
         out[..., -1] = left[:, None]
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout, TopCellsLayout
+from DroneSwarmSearch.core.scenario import Scenario
+from DroneSwarmSearch.layouts import JOINT_LAYOUTS, LAYOUTS, Layout
 
 FORMS = "swarm", "drone", "parallel"
 TOP_CELLS = 8  # cells in the layout "top-cells", by default
@@ -33,6 +35,8 @@ class View:
         bayesian_update: whether the policy sees the posterior, or the prior that only follows
             the drift; None: as in the search.
         top_cells: the number of cells in the layout "top-cells"; from 1 to grid_size².
+        hears_all: whether the policy sees a search with a `radio_range` as if all drones heard each
+            other: for yardsticks, such as the planner.
 
     Raises:
         ValueError: an attribute is out of range, or they cannot be combined.
@@ -44,6 +48,7 @@ class View:
     right_of_way: bool = False
     bayesian_update: bool | None = None
     top_cells: int = TOP_CELLS
+    hears_all: bool = False
 
     def __post_init__(self) -> None:
         if self.form is not None:
@@ -65,15 +70,21 @@ class View:
         """Whether an observation shows a whole swarm."""
         return self.form != "drone"
 
-    def layout(self, grid_size: int, n_drones: int) -> Layout:
-        """The layout for searches of these sizes.
+    def layout(self, scenario: Scenario) -> Layout:
+        """The layout for searches with the sizes of a scenario.
 
         Raises ValueError if `top_cells` are more than there are.
         """
+        options: dict[str, Any] = {"radio": self.radio(scenario)}
         if self.observation == "top-cells":
-            return TopCellsLayout(grid_size, n_drones, self.top_cells, name="top_cells")
-        options = {"joint": True} if self.is_joint and self.observation in JOINT_LAYOUTS else {}
-        return LAYOUTS[self.observation](grid_size, n_drones, **options)
+            options |= {"k": self.top_cells, "name": "top_cells"}
+        elif self.is_joint and self.observation in JOINT_LAYOUTS:
+            options["joint"] = True
+        return LAYOUTS[self.observation](scenario.grid_size, scenario.n_drones, **options)
+
+    def radio(self, scenario: Scenario) -> bool:
+        """Whether each drone of a search sees only what it has done and heard."""
+        return scenario.radio_range is not None and not self.hears_all
 
     def over(self, other: View) -> View:
         """The other view, but with those attributes of this one that differ from their defaults."""

@@ -189,7 +189,7 @@ class Arrivals:
     ) -> None:
         """Write the layout "crops" of the success of searches now."""
         crops = out[..., :LENGTH]
-        self._crops.write(positions, ahead[:, 0], left.astype(np.float32), crops)
+        self._crops.write(positions, ahead[:, :1], left.astype(np.float32), crops)
         crops[..., -1] = 0.0
 
     def _values(self, ahead: Singles, positions: Integers, remaining: Integers) -> _Values:

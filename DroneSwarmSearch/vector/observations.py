@@ -8,14 +8,15 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space, create_empty_array
 
-from DroneSwarmSearch._internal.arrays import Ints
+from DroneSwarmSearch._internal.arrays import Ints, Singles
 from DroneSwarmSearch.core.collision_avoidance import action_masks
+from DroneSwarmSearch.core.radio import LastHeard
 from DroneSwarmSearch.layouts import (
     JOINT_LAYOUTS,
     mask_space,
     remaining_time_fraction,
 )
-from DroneSwarmSearch.layouts.layout import Observations
+from DroneSwarmSearch.layouts.layout import Heard, Observations
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.vector.engine import SearchBatch
 
@@ -41,9 +42,11 @@ class BatchObservations:
         self._limit = scenario.timestep_limit
         self._each = 1 if joint else scenario.n_drones  # sub-environments in a swarm
         # The layout "dict" of swarms holds the matrices as they are.
-        self._shows_matrices = joint and view.observation == "dict"
+        radio = view.radio(scenario)
+        self._shows_matrices = joint and view.observation == "dict" and not radio
         self._stacks = joint and view.observation not in JOINT_LAYOUTS
-        self._layout = view.layout(self._size, scenario.n_drones)
+        self._layout = view.layout(scenario)
+        self._radio = radio
         self.space: spaces.Space[Any] = self._layout.space
         if self._stacks:
             self.space = batch_space(self.space, scenario.n_drones)
@@ -68,18 +71,24 @@ class BatchObservations:
         cells = batch.cells[which]
         positions = batch.positions[which]
         if self._view.action_mask:
-            masks = action_masks(cells, self._size, self._view.right_of_way, crash=batch.crash)
+            masks = action_masks(
+                cells,
+                self._size,
+                self._view.right_of_way,
+                crash=batch.crash,
+                heard=batch.heard[which] if self._radio else None,
+            )
             out["action_mask"][...] = masks.reshape(out["action_mask"].shape)
             out = out["observation"]
         if rows is None and self._shows_matrices:  # saves a copy
             out["positions"][...] = positions
             batch.write_matrices(out["probability_matrix"])
             return
-        if rows is None:
-            matrices = np.empty((batch.num_rows, self._size, self._size), np.float32)
-            batch.write_matrices(matrices)
-        else:
-            matrices = batch.matrices_of(rows)
+        matrices = self._matrices(rows)
+        heard = None
+        if self._radio:
+            last = LastHeard(batch.last_heard.cells[which], batch.last_heard.ages[which])
+            heard = Heard.of(last, self._size, self._limit)
         left = remaining_time_fraction(batch.steps[which], self._limit)
         if not self._stacks:  # the layouts have an axis for the swarms and one for their drones
             shape = len(cells), self._each
@@ -87,4 +96,15 @@ class BatchObservations:
                 out = {name: array.reshape(*shape, *array.shape[1:]) for name, array in out.items()}
             else:
                 out = out.reshape(*shape, *out.shape[1:])
-        self._layout.write(positions, matrices, left, out)
+        self._layout.write(positions, matrices, left, out, heard)
+
+    def _matrices(self, rows: Ints | None) -> Singles:
+        """What the drones of some rows, or of all, observe: (n, 1 or n_drones, N, N)."""
+        batch = self._batch
+        if self._radio:
+            return batch.matrices_by_drone(rows)
+        if rows is not None:
+            return batch.matrices_of(rows)[:, None]
+        matrices = np.empty((batch.num_rows, self._size, self._size), np.float32)
+        batch.write_matrices(matrices)
+        return matrices[:, None]

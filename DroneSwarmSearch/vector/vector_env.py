@@ -89,6 +89,7 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         self.batch = SearchBatch(swarms, **parameters)
         scenario = self.batch.scenario_of(0)
         self._size = scenario.grid_size
+        self._radio_range = scenario.radio_range
         self._display = Display(self._size, fps=self.metadata["render_fps"])
         self._each = 1 if self._joint else scenario.n_drones  # sub-environments in a swarm
         self.num_envs = swarms * self._each
@@ -255,7 +256,8 @@ class SearchVectorEnv(VectorEnv[Observations, ArrayLike, Any]):
         if right_of_way is None:
             right_of_way = self.right_of_way
         batch = self.batch
-        masks = action_masks(batch.cells, self._size, right_of_way, crash=batch.crash)
+        heard = None if self._radio_range is None else batch.heard
+        masks = action_masks(batch.cells, self._size, right_of_way, crash=batch.crash, heard=heard)
         return masks.reshape(self.num_envs, -1)
 
     # Input.
@@ -345,7 +347,8 @@ class SwarmVectorEnv(SearchVectorEnv):
     Observations of each swarm:
 
     - "dict": `positions`, every drone's (x, y), int32, shape (n_drones, 2), and
-      `probability_matrix`, float32, (N, N), indexed [y, x].
+      `probability_matrix`, float32, (N, N), indexed [y, x]; with `radio_range` that of each
+      drone, (n_drones, N, N), as in "flat" and "planes".
     - "flat": every drone's x and y, scaled to the grid; the remaining share of the steps, 1 at
       the start; the matrix row by row, scaled to a maximum of 1: float32,
       (2 n_drones + 1 + N²,).
@@ -397,6 +400,7 @@ class SwarmVectorEnv(SearchVectorEnv):
             `Scenario`, in place of `scenario`.
         timestep_limit, probability_of_detection, bayesian_update: as for a `Scenario`.
         reward_scheme, persons, mission, shared_drift, crash: as for a `Scenario`.
+        radio_range, search_in_flight: as for a `Scenario`.
 
     Attributes:
         num_envs: the number of sub-environments.
@@ -443,6 +447,11 @@ class DroneVectorEnv(SearchVectorEnv):
       (3 top_cells + 2 n_drones + 1,), see `layouts.top_cells`.
     - "crops": the matrix and the other drones in windows around the drone, fine and coarse:
       float32, (202,) for every search, see `layouts.crops`.
+
+    With `radio_range`, a drone observes its own matrix, and of the others where it last heard
+    them, and how long ago, as a fraction of the time limit: n_drones - 1 numbers more in "flat"
+    and "top-cells", after the positions of the others; in "planes" and "crops", another drone
+    counts as 1 less this fraction.
 
     Rewards: the drone's own, or with `shared_reward` the mean over its swarm.
 
