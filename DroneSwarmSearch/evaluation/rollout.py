@@ -108,8 +108,8 @@ def _searches_of(policy: Any, scenario: Scenario, drones_positions: Any) -> Iter
         reset_policy(policy, 0)
     for step in range(steps if plan is None else min(steps, len(plan))):
         actions = stage.actions(policy, rows) if plan is None else plan[step][None]
-        yield batch.cells[np.asarray(actions) == Action.SEARCH]
         batch.step(actions)
+        yield batch.cells[batch.searching]
         if batch.endings[0]:
             return
 
@@ -163,8 +163,10 @@ class _Recorder:
         missing = batch.missing
         persons = batch.person_cells
         mine = np.where(self.goes_on[:, None], actions, int(Action.IDLE))
-        searchers, drones = (mine == int(Action.SEARCH)).nonzero()
-        cells = batch.cells[searchers, drones]
+        searchers, cells = batch.searches_of(mine)
+        going = self.goes_on[searchers]
+        searchers = searchers[going]
+        cells = cells[going]
         forecasts = batch.probabilities(searchers, cells).astype(np.float64)
         forecasts *= missing[searchers] @ self._detections
 

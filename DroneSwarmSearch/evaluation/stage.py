@@ -14,7 +14,7 @@ from DroneSwarmSearch.core.grid import Grid
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
 from DroneSwarmSearch.layouts.view import View
-from DroneSwarmSearch.policies import BatchPolicy
+from DroneSwarmSearch.policies.base import ALL, BatchPolicy
 from DroneSwarmSearch.vector.engine import SearchBatch
 from DroneSwarmSearch.vector.observations import BatchObservations
 
@@ -38,7 +38,7 @@ def view_of(spec: PolicySpec, search: NamedSearch, view: View | str | None) -> V
                 "view must be 'swarm' or 'parallel', with observation='dict' and without masks, "
                 f"for {spec.name}, got {given!r}"
             )
-        return given.over(View("swarm"))
+        return given.over(View("swarm", hears_all=spec.kind.knows == ALL))
     if given.form is not None:
         return given
     own = getattr(prepared(spec, search), "view", None)
@@ -94,6 +94,7 @@ class Stage:
         self._view = view
         scenario = batch.scenario_of(0)
         self._names = tuple(f"drone{i}" for i in range(scenario.n_drones))
+        self._size = scenario.grid_size
         self._neighbours = Grid.of(scenario.grid_size).neighbours
         self._observations = BatchObservations(batch, view)
 
@@ -120,10 +121,13 @@ class Stage:
     def _by_drone(self, observations: Any) -> dict[str, Any]:
         """The observations of one search in the form of `DroneSwarmSearch`."""
         layout = observations["observation"] if self._view.action_mask else observations
-        matrix = layout["probability_matrix"][0]
-        matrix.flags.writeable = False
+        size = self._size
+        # one for all drones, or one for each
+        matrices = layout["probability_matrix"][0].reshape(-1, size, size)
+        matrices.flags.writeable = False
         seen: dict[str, Any] = {}
         for drone, cell in enumerate(layout["positions"][0].tolist()):
+            matrix = matrices[drone % len(matrices)]
             own: dict[str, Any] = {"observation": (tuple(cell), matrix)}
             if self._view.action_mask:
                 own = {"observation": own, "action_mask": observations["action_mask"][0, drone]}

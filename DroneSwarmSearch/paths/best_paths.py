@@ -7,6 +7,10 @@ For gains G[t](c) of searching cell c in step t, the value of being in a cell is
 since a drone either searches its cell or moves by one cell in a step (R. Bellman, Dynamic
 Programming, 1957). One pass computes the values of all cells, for drones anywhere. A search may
 gain less right after one of the same cell, so there is a second value, of a cell just searched.
+
+Drones that search in flight search the cell in which they arrive, their own or a neighbour:
+
+    V[t](c) = max(G[t](c') + V[t+1](c'), c' = c or next to c).
 """
 
 from __future__ import annotations
@@ -27,11 +31,17 @@ class DronePath(NamedTuple):
 
     Attributes:
         cells: the drone's cell y * N + x at the beginning and after each step: int64, (n + 1,).
-        searches: the steps in which it searches: bool, (n,). In the others it moves or idles.
+        searches: the steps in which it searches: bool, (n,). In the others it moves or idles. In
+            flight, it searches where it arrives.
     """
 
     cells: Ints
     searches: Flags
+
+
+def cells_looked_at(cells: Ints, in_flight: bool) -> Ints:
+    """The cell that a drone searches in each step, if it does: (n, ...), given (n + 1, ...)."""
+    return cells[1:] if in_flight else cells[:-1]
 
 
 def values_to_go(
@@ -39,6 +49,7 @@ def values_to_go(
     at_end: Floats,
     blocked: Sequence[Sequence[tuple[Any, ...]]] = (),
     again: Floats | None = None,
+    in_flight: bool = False,
 ) -> Floats:
     """The most that a drone can gain from each step and cell on: shape (2, n + 1, ..., h, w).
 
@@ -51,6 +62,7 @@ def values_to_go(
         blocked: for each step, the cells y * w + x that a drone must not be in after it, as
             indices of an array of shape (..., h * w); none by default.
         again: gains of searching a cell directly after a search of it; by default, the same.
+        in_flight: whether drones search in flight.
     """
     n = len(gains)
     values = np.empty((2, n + 1, *gains.shape[1:]), gains.dtype)
@@ -66,6 +78,8 @@ def values_to_go(
         here, here_again = values[:, step]
         # A drone that waits searches, since gains are never negative.
         np.add(again[step], searched, out=here_again)
+        if in_flight:
+            ahead = gains[step] + searched
         here[..., :1, :] = FORBIDDEN
         here[..., 1:, :] = ahead[..., :-1, :]
         np.maximum(here[..., :-1, :], ahead[..., 1:, :], out=here[..., :-1, :])
@@ -82,6 +96,7 @@ def best_paths(
     starts: Ints,
     which: Ints,
     again: Floats | None = None,
+    in_flight: bool = False,
 ) -> tuple[Ints, Flags]:
     """Paths that gain as much as possible, given the result of `values_to_go`.
 
@@ -93,6 +108,7 @@ def best_paths(
         starts: the first cell y * w + x of each path: (m,).
         which: the gains that count for each path: (m,).
         again: as in `values_to_go`.
+        in_flight: as in `values_to_go`.
 
     Returns:
         The cells y * w + x at the beginning and after each step, (n + 1, m), and the steps with a
@@ -111,10 +127,13 @@ def best_paths(
         flat = first + here
         gain = np.where(just_searched, again[step].take(flat), gains[step].take(flat))
         ahead = ahead_of[:, here]
-        options = np.where(ahead == here, FORBIDDEN, values[0, step + 1].take(first + ahead))
+        moved = values[0, step + 1].take(first + ahead)
+        if in_flight:
+            moved = gains[step].take(first + ahead) + values[1, step + 1].take(first + ahead)
+        options = np.where(ahead == here, FORBIDDEN, moved)
         options[0] = gain + values[1, step + 1].take(flat)
         chosen = options.argmax(axis=0)
-        just_searched = chosen == 0
-        searches[step] = just_searched & (gain > 0.0)
+        just_searched = np.ones(len(starts), np.bool_) if in_flight else chosen == 0
+        searches[step] = True if in_flight else just_searched & (gain > 0.0)
         cells[step + 1] = here = ahead[chosen, np.arange(len(here))]
     return cells, searches

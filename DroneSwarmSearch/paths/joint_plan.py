@@ -32,7 +32,13 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch.core.grid import Grid
-from DroneSwarmSearch.paths.best_paths import FORBIDDEN, DronePath, best_paths, values_to_go
+from DroneSwarmSearch.paths.best_paths import (
+    FORBIDDEN,
+    DronePath,
+    best_paths,
+    cells_looked_at,
+    values_to_go,
+)
 from DroneSwarmSearch.paths.passes import Passes, Target
 from DroneSwarmSearch.paths.windows import Boxes, TargetWindow
 
@@ -126,16 +132,33 @@ class Candidates:
 class JointPlan:
     """The drones' paths over the next n steps, from the episode's step `first` on.
 
+    Args:
+        targets: the missing persons.
+        first: the plan's first step.
+        paths: the drones' paths to begin with.
+        in_flight: whether drones search in flight, see `best_paths`.
+        shares_cells: whether drones may share cells; else no two are ever in one cell.
+
     Attributes:
-        paths: the current paths; no two drones are ever in one cell.
+        paths: the current paths.
     """
 
-    def __init__(self, targets: Sequence[Target], first: int, paths: Sequence[DronePath]) -> None:
+    def __init__(
+        self,
+        targets: Sequence[Target],
+        first: int,
+        paths: Sequence[DronePath],
+        *,
+        in_flight: bool = False,
+        shares_cells: bool = False,
+    ) -> None:
+        self._in_flight = in_flight
+        self._shares_cells = shares_cells
         self._steps = len(targets[0].worth)
         self._size = targets[0].belief.shape[-1]
         self._grid = Grid.of(self._size)
         self.paths = [DronePath(path.cells.copy(), path.searches.copy()) for path in paths]
-        self._passes = [Passes(target, first, self.paths) for target in targets]
+        self._passes = [Passes(target, first, self.paths, in_flight) for target in targets]
         self._boxed = all(target.model.transitions(first) for target in targets)
 
     def found(self) -> list[Floats]:
@@ -234,7 +257,8 @@ class JointPlan:
         """
         segments = self._drawn_segments(begin, end, rng)
         windows = [
-            TargetWindow(passes, begin, segments.steps, segments.boxes) for passes in self._passes
+            TargetWindow(passes, begin, segments.steps, segments.boxes, self._shares_cells)
+            for passes in self._passes
         ]
         values = segments.steps * sum(window.cells for window in windows)
         count = min(max(VALUES // values, FEWEST), MOST)
@@ -303,9 +327,8 @@ class JointPlan:
         old = np.zeros((len(segments.teams), 1))
         for drones in segments.teams.T:
             for window in windows:
-                old[:, 0] += window.remove(
-                    segments.cells[:-1, drones], segments.searches[:, drones]
-                )
+                cells = cells_looked_at(segments.cells[:, drones], self._in_flight)
+                old[:, 0] += window.remove(cells, segments.searches[:, drones])
         return old
 
     def _proposed(
@@ -320,7 +343,9 @@ class JointPlan:
         reach = segments.reach
         boxes, members = segments.teams.shape
         shape = (segments.steps, boxes, count, reach.height, reach.width)
-        taken = _taken_by_others(reach.indices(segments.cells[..., None]), segments.teams)
+        taken: list[list[Index]] = [[] for _ in range(segments.steps)]
+        if not self._shares_cells:
+            taken = _taken_by_others(reach.indices(segments.cells[..., None]), segments.teams)
         found = Candidates(np.zeros((boxes, count)), [], [])
         for member, drones in enumerate(segments.teams.T):
             gains = sum(window.gains(reach) for window in windows)
@@ -330,13 +355,15 @@ class JointPlan:
             if np.all(segments.goals >= 0):
                 ends = reach.indices(segments.goals[:, member])
             starts = reach.indices(segments.cells[0, drones])
-            indices, searches, is_possible = _best(gains, starts, ends, taken)
-            for others, own in zip(taken, indices[1:], strict=True):
-                others.append((*np.indices(own.shape), own))
+            indices, searches, is_possible = _best(gains, starts, ends, taken, self._in_flight)
+            if not self._shares_cells:
+                for others, own in zip(taken, indices[1:], strict=True):
+                    others.append((*np.indices(own.shape), own))
             cells = reach.cells(indices)
+            looked_at = cells_looked_at(cells, self._in_flight)
             is_last = member == members - 1
             found.total[...] += sum(
-                window.add(cells[:-1], searches, is_last=is_last) for window in windows
+                window.add(looked_at, searches, is_last=is_last) for window in windows
             )
             found.total[~is_possible] = -np.inf
             found.cells.append(cells)
@@ -385,12 +412,13 @@ class JointPlan:
             passes.replace(old, new, begin)
         rests = [copy.deepcopy(self._segment(drone, end, self._steps)) for drone in drones]
         rest_from = {int(rest.cells[0]): rest for rest in rests}
-        for drone, segment in zip(drones, new, strict=True):
+        for drone, segment, own in zip(drones, new, rests, strict=True):
             path = self.paths[drone]
             path.cells[begin : end + 1] = segment.cells
             path.searches[begin:end] = segment.searches
             if end < self._steps:
-                rest = rest_from[int(segment.cells[-1])]
+                is_own = segment.cells[-1] == own.cells[0]
+                rest = own if is_own else rest_from[int(segment.cells[-1])]
                 path.cells[end:] = rest.cells
                 path.searches[end:] = rest.searches
 
@@ -413,6 +441,7 @@ def _best(
     starts: Ints,
     ends: Any,
     taken: Sequence[Sequence[Index]],
+    in_flight: bool,
 ) -> tuple[Ints, Flags, Flags]:
     """The best paths for some gains, see `best_paths`; and whether each can get there.
 
@@ -422,6 +451,7 @@ def _best(
         starts: the first cell of the paths in a box, (K,).
         ends: their last cell, (K,), or -1 if it does not matter.
         taken: for each step, the cells of others after it.
+        in_flight: whether drones search in flight.
     """
     boxes, count, height, width = gains.shape[2:]
     at_end = np.zeros((boxes, 1, height * width))
@@ -429,7 +459,7 @@ def _best(
         at_end += FORBIDDEN
         at_end[np.arange(boxes), 0, ends] = 0.0
     at_end = at_end.reshape(boxes, 1, height, width)
-    values = values_to_go(gains[0], at_end, taken, gains[1])
+    values = values_to_go(gains[0], at_end, taken, gains[1], in_flight)
 
     # All candidates of all boxes in a row.
     flat_shape = (2, -1, boxes * count, height, width)
@@ -437,7 +467,9 @@ def _best(
     flat_values = values.reshape(flat_shape)
     flat_starts = starts.repeat(count)
     which = np.arange(boxes * count)
-    cells, searches = best_paths(flat_gains[0], flat_values, flat_starts, which, flat_gains[1])
+    cells, searches = best_paths(
+        flat_gains[0], flat_values, flat_starts, which, flat_gains[1], in_flight
+    )
     at_start = flat_values[0, 0].take(which * (height * width) + flat_starts)
     return (
         cells.reshape(-1, boxes, count),

@@ -9,7 +9,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.paths.best_paths import DronePath
+from DroneSwarmSearch.paths.best_paths import DronePath, cells_looked_at
 
 
 @dataclass
@@ -33,6 +33,7 @@ class Passes:
     """The forward and backward pass of one target, computed as far as they are needed.
 
     Attributes:
+        times: how often each cell is searched in each step: float64, (n, N, N).
         missed: the probability that each step's searches miss the person in a cell: (n, N, N).
         masses: the probability that the person is unfound and in a state, before each step:
             (n, M, R, N).
@@ -40,11 +41,15 @@ class Passes:
             (n, M, R, N).
     """
 
-    def __init__(self, target: Target, first: int, paths: Sequence[DronePath]) -> None:
+    def __init__(
+        self, target: Target, first: int, paths: Sequence[DronePath], in_flight: bool = False
+    ) -> None:
         n = len(target.worth)
         size = target.model.grid_size
         self.target = target
         self.first = first
+        self._in_flight = in_flight
+        self.times = np.zeros((n, size, size))
         self.missed = np.ones((n, size, size))
         self.masses, self.rests = np.empty((2, n, *target.belief.shape))
         self.masses[0] = target.belief
@@ -53,18 +58,23 @@ class Passes:
         self._masses_to = 0
         self._rests_from = n - 1
         for path in paths:
-            self._set_missed(path, 0, 1.0 - target.detection)
+            self._count(path, 0, 1)
 
-    def _set_missed(self, path: DronePath, begin: int, missed: float) -> None:
+    def _count(self, path: DronePath, begin: int, times: int) -> None:
+        """Add the searches of a path, or with -1 remove them."""
         steps = path.searches.nonzero()[0]
-        self.missed.reshape(len(self.missed), -1)[begin + steps, path.cells[steps]] = missed
+        where = begin + steps, cells_looked_at(path.cells, self._in_flight)[steps]
+        by_step = self.times.reshape(len(self.times), -1)
+        by_step[where] += times
+        missed = (1.0 - self.target.detection) ** by_step[where]
+        self.missed.reshape(len(self.missed), -1)[where] = missed
 
     def replace(self, old: Sequence[DronePath], new: Sequence[DronePath], begin: int) -> None:
         """Replace the searches of some drones from one step on by others."""
         for path in old:
-            self._set_missed(path, begin, 1.0)
+            self._count(path, begin, -1)
         for path in new:
-            self._set_missed(path, begin, 1.0 - self.target.detection)
+            self._count(path, begin, 1)
         self._masses_to = min(self._masses_to, begin)
         self._rests_from = max(self._rests_from, begin + len(new[0].searches) - 1)
 
@@ -94,4 +104,4 @@ class Passes:
         self.update(0, len(self.missed) - 1)
         worth = self.target.worth[:, None, None, None]
         gained: Floats = self.target.model.map(self.masses * (worth - self.rests))
-        return self.target.detection * gained
+        return self.target.detection * self.missed * gained

@@ -99,9 +99,13 @@ class TargetWindow:
         begin: the first step.
         steps: the number of steps, L.
         boxes: the boxes.
+        shares_cells: whether several drones may search one cell in one step.
     """
 
-    def __init__(self, passes: Passes, begin: int, steps: int, boxes: Boxes) -> None:
+    def __init__(
+        self, passes: Passes, begin: int, steps: int, boxes: Boxes, shares_cells: bool = False
+    ) -> None:
+        self._shares_cells = shares_cells
         self._target = passes.target
         self._first = passes.first + begin
         self._boxes = boxes
@@ -120,17 +124,18 @@ class TargetWindow:
         ]
         masses: Any = passes.masses[begin:end]
         rests: Any = passes.rests[begin:end]
-        kept: Any = model.lift(passes.missed[begin:end])
+        times: Any = model.lift(passes.times[begin:end])
         if self._transitions:
             cells = _flat_indices(boxes.rows, boxes.columns, size)
-            masses, rests, kept = (_part(values, cells) for values in (masses, rests, kept))
+            masses, rests, times = (_part(values, cells) for values in (masses, rests, times))
         else:
-            masses, rests, kept = (
-                values[:, :, None, None].astype(np.float32) for values in (masses, rests, kept)
+            masses, rests, times = (
+                values[:, :, None, None].astype(np.float32) for values in (masses, rests, times)
             )
         worth = self._target.worth[begin:end].astype(np.float32)
         self._masses = masses
-        self._kept = kept
+        self._times = times
+        self._kept = self._missed(times)
         self._losses = worth[:, None, None, None, None, None] - rests
         self.cells = self._masses[0].size
 
@@ -140,17 +145,25 @@ class TargetWindow:
         More is then left to find, and less is found later.
 
         Args:
-            cells: the drone's cell on the grid before each step: (L, K).
+            cells: the cell on the grid that the drone searches in each step: (L, K).
             searches: whether it searches in each step: (L, K).
         """
         where = self._indices(cells[..., None], searches[..., None])
         found = [masses[index] for masses, index in zip(self._masses, where, strict=True)]
         for step, index in enumerate(where):
-            self._kept[step][index] = 1.0
+            self._times[step][index] -= 1.0
+            self._kept[step][index] = self._missed(self._times[step][index])
         steps = range(len(where))
         self._change(self._masses, steps, self._forward, where, sign=1.0)
         self._change(self._losses, steps[::-1], self._backward, where, sign=1.0)
-        return self._gained(found, self._losses, where)[:, 0]
+        return self._gained(found, self._losses, self._kept, where)[:, 0]
+
+    def _missed(self, times: Floats) -> Floats:
+        """The probability that searches, so many of each cell, miss a person there."""
+        missed: Floats = ((1.0 - self._target.detection) ** times.astype(np.float64)).astype(
+            np.float32
+        )
+        return missed
 
     def gains(self, boxes: Boxes) -> Floats:
         """What one search of each cell gains in each step: (2, L, K, candidates, h, w).
@@ -164,6 +177,8 @@ class TargetWindow:
         gains = np.array([self._masses, self._masses - self._target.detection * stayed])
         gains *= self._losses
         gains *= self._target.detection
+        if self._shares_cells:
+            gains *= self._kept
         y = boxes.rows
         x = boxes.columns
         if self._transitions:
@@ -180,7 +195,7 @@ class TargetWindow:
         """Add the searches of one drone in each box, by m candidates; returns their gains, (K, m).
 
         Args:
-            cells: the drone's cell on the grid before each step: (L, K, m).
+            cells: the cell on the grid that the drone searches in each step: (L, K, m).
             searches: whether it searches in each step: (L, K, m).
             is_last: whether nothing else will be added, so that only the gains matter.
         """
@@ -189,25 +204,33 @@ class TargetWindow:
         shape = (*self._masses.shape[:3], cells.shape[-1], *self._masses.shape[-2:])
         masses = np.broadcast_to(self._masses, shape)
         losses = np.broadcast_to(self._losses, shape)
+        self._kept = np.broadcast_to(self._kept, (len(where), 1, *shape[2:]))
         if not is_last:
             masses = masses.copy()
         found = self._change(masses, steps, self._forward, where, sign=-1.0)
-        gained = self._gained(found, losses, where)
+        gained = self._gained(found, losses, self._kept, where)
         if is_last:
             return gained
         self._masses = masses
         self._losses = losses.copy()
         self._change(self._losses, steps[::-1], self._backward, where, sign=-1.0)
-        self._kept = np.broadcast_to(self._kept, (len(where), 1, *shape[2:])).copy()
+        self._kept = self._kept.copy()
+        self._times = np.broadcast_to(self._times, self._kept.shape).copy()
         for step, index in enumerate(where):
-            self._kept[step][index] = 1.0 - self._target.detection
+            self._times[step][index] += 1.0
+            self._kept[step][index] = self._missed(self._times[step][index])
         return gained
 
-    def _gained(self, found: list[Floats], losses: Floats, where: list[Index]) -> Floats:
-        """What searches gain, (K, m), given the masses that they meet."""
+    def _gained(
+        self, found: list[Floats], losses: Floats, kept: Floats, where: list[Index]
+    ) -> Floats:
+        """What searches gain, (K, m), given the masses that they meet.
+
+        `kept` is the share of these that the searches of others in the same step leave.
+        """
         gained = np.zeros(losses.shape[2:4])
-        for mass, loss, index in zip(found, losses, where, strict=True):
-            gained[index[1:3]] += (mass * loss[index]).sum(axis=0)
+        for mass, loss, left, index in zip(found, losses, kept, where, strict=True):
+            gained[index[1:3]] += (mass * left[index] * loss[index]).sum(axis=0)
         return gained * self._target.detection
 
     def _indices(self, cells: Ints, searches: Flags) -> list[Index]:
@@ -249,7 +272,8 @@ class TargetWindow:
                 values[step] += sign * more
             if step != steps[-1]:
                 more *= self._kept[step]
-                more[where[step]] += self._target.detection * here
+                left = self._kept[step][where[step]]
+                more[where[step]] += self._target.detection * left * here
                 more = drift(more, step)
         return searched
 

@@ -10,6 +10,7 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.progress import progress
+from DroneSwarmSearch.core.rules import PASS
 from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
 from DroneSwarmSearch.paths.best_paths import DronePath, best_paths, values_to_go
 from DroneSwarmSearch.paths.joint_plan import JointPlan
@@ -27,7 +28,7 @@ class PathPlan:
     """Paths of all drones, and what they find.
 
     Attributes:
-        paths: one for each drone; no two drones are ever in one cell.
+        paths: one for each drone; no two drones are ever in one cell, unless they may pass.
         by_time: the probability of success after 0 to L (the limit) steps: float64, shape (L + 1,),
             non-decreasing. With several persons, the probability that all are found; in the
             coverage mission, the mean.
@@ -81,8 +82,17 @@ class Known:
 
     def found(self, paths: Sequence[DronePath]) -> Floats:
         """The probability that paths find each person alive in each step: (persons, steps)."""
-        plan = JointPlan(self.targets(), self.first, paths)
-        return self.alive() * np.array(plan.found())
+        return self.alive() * np.array(self.plan(self.targets(), paths).found())
+
+    def plan(self, targets: Sequence[Target], paths: Sequence[DronePath]) -> JointPlan:
+        """A plan for some targets, with the rules of the search."""
+        return JointPlan(
+            targets,
+            self.first,
+            paths,
+            in_flight=self.scenario.search_in_flight,
+            shares_cells=self.scenario.crash == PASS,
+        )
 
     def success_by_time(self, paths: Sequence[DronePath]) -> Floats:
         """The probability of success of paths after each step: (steps,)."""
@@ -168,10 +178,10 @@ def improved(
     best = max(initial, key=known.success)
     targets = known.targets()
     if known.is_for_everyone:  # the gradient of the logarithm of the product
-        found_by_best = JointPlan(targets, known.first, best).found()
+        found_by_best = known.plan(targets, best).found()
         for target, found in zip(targets, found_by_best, strict=True):
             target.worth /= found.sum() or 1.0
-    plan = JointPlan(targets, known.first, best)
+    plan = known.plan(targets, best)
     plan.anneal(seconds, np.random.default_rng(0), on_progress)
     return max([plan.paths, best], key=known.success)
 
@@ -186,15 +196,19 @@ def _one_by_one(known: Known, starts: Sequence[int]) -> list[DronePath]:
         for start in starts
     ]
     for number, start in enumerate(starts):
-        plan = JointPlan(known.targets(), known.first, [*paths, *waiting[number:]])
+        plan = known.plan(known.targets(), [*paths, *waiting[number:]])
         gains = plan.gains()[:, None]  # (steps, 1, N, N)
         # The drones that have no path yet stand in their start cells for now.
         taken = [*later, *[np.full(known.steps, cell) for cell in starts[number + 1 :]]]
+        if known.scenario.crash == PASS:
+            taken = []
         blocked = [[(0, cells)] for cells in np.array(taken, np.int64).reshape(-1, known.steps).T]
         # A search right after one of the same cell gains nothing.
         again = np.zeros_like(gains)
-        values = values_to_go(gains, np.zeros((size, size)), blocked, again)
-        cells, searches = best_paths(gains, values, np.array([start]), np.zeros(1, np.int64), again)
+        in_flight = known.scenario.search_in_flight
+        values = values_to_go(gains, np.zeros((size, size)), blocked, again, in_flight)
+        first = np.zeros(1, np.int64)
+        cells, searches = best_paths(gains, values, np.array([start]), first, again, in_flight)
         paths.append(DronePath(cells[:, 0], searches[:, 0]))
         later.append(cells[1:, 0])
     return paths

@@ -5,18 +5,29 @@ from __future__ import annotations
 import copy
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, overload
+from typing import Any, ClassVar, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints, Singles
+from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core.moves import searched
 from DroneSwarmSearch.core.observations import Observation
+from DroneSwarmSearch.core.radio import hearing
+from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
 
 _NO_GROUP = -1
+_NO_ACTION = -1
+_UNHEARD = -1
+
+
+OWN = "own"
+AGREED = "agreed"
+ALL = "all"
 
 
 class BatchPolicy(ABC):
@@ -24,12 +35,32 @@ class BatchPolicy(ABC):
 
     Derive your own from `SwarmPolicy`. `scenario`: the parameters of every search to steer.
 
+    Attributes:
+        knows: what the drones act on in a search with a `radio_range`: "own": each on what it has
+            done and heard; "agreed": all on what they knew before the start; "all": on what all
+            drones together know. The last is for yardsticks; only evaluations show it.
+
     Raises:
         TypeError: `scenario` is not a `Scenario`.
     """
 
+    knows: ClassVar[str] = OWN
+
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = checked_scenario(scenario)
+
+    @property
+    def hears(self) -> bool:
+        """Whether each drone acts on a matrix of its own."""
+        return self.scenario.radio_range is not None and self.knows == OWN
+
+    @property
+    def _maps(self) -> tuple[int, ...]:
+        """The shape of the matrices of a search."""
+        size = self.scenario.grid_size
+        if self.scenario.radio_range is None or self.knows == ALL:
+            return size, size
+        return self.scenario.n_drones, size, size
 
     @overload
     def __call__(self, observations: Mapping[str, Observation], /) -> dict[str, int]: ...
@@ -42,8 +73,9 @@ class BatchPolicy(ABC):
             observations: those of one search, as `DroneSwarmSearch` returns them; or of E searches,
                 as `SwarmVectorEnv` returns them in its dict layout: "positions", integers of shape
                 (E, n_drones, 2), every drone's (x, y); "probability_matrix", float32 of shape
-                (E, N, N), indexed [y, x]; and optionally "row", shape (E,): the index of each
-                search in its batch, by default 0 to E - 1. A single search has index 0.
+                (E, N, N), indexed [y, x], or with a `radio_range` (E, n_drones, N, N); and
+                optionally "row", shape (E,): the index of each search in its batch, by default 0
+                to E - 1. A single search has index 0.
 
         Returns:
             Actions, 0 to 5 (see `Action`): a dict from agent names, or int64, shape (E, n_drones).
@@ -58,10 +90,12 @@ class BatchPolicy(ABC):
             return {}
         seen = [observation["observation"] for observation in observations.values()]
         positions = np.array([[cell for cell, _ in seen]])
-        matrices = seen[0][1][None]
         self._check_shape("observations", positions, self.scenario.n_drones, 2)
-        size = self.scenario.grid_size
-        self._check_shape("matrix", matrices, size, size)
+        if self.scenario.radio_range is None:
+            matrices = seen[0][1][None]
+        else:
+            matrices = np.array([[matrix for _, matrix in seen]])
+        self._check_maps("matrix", matrices)
         actions: list[int] = self._act(np.zeros(1, np.int64), positions, matrices)[0].tolist()
         return dict(zip(observations, actions, strict=True))
 
@@ -100,8 +134,7 @@ class BatchPolicy(ABC):
             raise TypeError(f"positions must be integers, got {positions.dtype}")
         self._check_shape("positions", positions, self.scenario.n_drones, 2)
         matrices = np.asarray(observations["probability_matrix"], np.float32)
-        size = self.scenario.grid_size
-        self._check_shape("probability_matrix", matrices, size, size)
+        self._check_maps("probability_matrix", matrices)
         rows = _checked_rows("row", observations.get("row", np.arange(len(positions))))
         for name, array in (("probability_matrix", matrices), ("row", rows)):
             if len(array) != len(positions):
@@ -109,6 +142,16 @@ class BatchPolicy(ABC):
                     f"{name} must have the length of positions, {len(positions)}, got {len(array)}"
                 )
         return rows, positions, matrices
+
+    def _check_maps(self, name: str, matrices: Singles) -> None:
+        by_drone = self.scenario.n_drones, self.scenario.grid_size, self.scenario.grid_size
+        if self.knows == ALL and matrices.shape[1:] == by_drone:
+            raise ValueError(
+                f"{type(self).__name__} acts on what all drones know, and cannot use the matrix of "
+                "each drone of a search with a radio_range; evaluate, play and record show it the "
+                "common one"
+            )
+        self._check_shape(name, matrices, *self._maps)
 
     @staticmethod
     def _check_shape(name: str, array: NDArray[Any], *expected: int) -> None:
@@ -123,6 +166,9 @@ class SwarmPolicy(BatchPolicy):
 
     It steers batches as well. `choose` must be deterministic: searches whose observations have been
     identical since they began share one memory and one call, so that a batch costs little more.
+
+    In a search with a `radio_range`, each drone has a memory of its own: it chooses the actions of
+    all drones that it hears, and takes its own (see `knows`).
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -142,52 +188,129 @@ class SwarmPolicy(BatchPolicy):
 
         Args:
             memory: the memory of this search; change it in place.
-            cells: every drone's (x, y).
+            cells: every drone's (x, y); for a drone with a radio, those of the drones in range, by
+                number, its own among them.
             matrix: float32, shape (N, N), indexed [y, x]; do not keep or change it.
+        """
+
+    def learn(self, memory: Any, searched: list[int], actions: list[int]) -> None:
+        """Take note of a step, before the next choice; by default, nothing is noted.
+
+        Args:
+            memory: the memory of this search; change it in place.
+            searched: the cells searched, y * N + x, each as often as it was searched.
+            actions: what every drone did; idling for drones that were not heard.
         """
 
     def _reset(self, rows: Ints | None, seeds: int | list[int] | None) -> None:
         # Rows whose observations have been identical form a group with one memory.
+        n = self.scenario.n_drones
         if rows is None:
-            self._group_of: Ints = np.empty(0, np.int64)  # by row
+            self._group_of: Ints = np.empty(0, np.int64)  # by observer, see `_act`
             self._memories: dict[int, Any] = {}  # by group
             self._next_group = 0
-        else:
-            self._group_of[rows[rows < len(self._group_of)]] = _NO_GROUP
+            self._latest: Ints = np.empty((0, n), np.int64)  # the last actions, by row
+            return
+        known = rows[rows < len(self._latest)]
+        self._latest[known] = _NO_ACTION
+        self._group_of.reshape(-1, self._observers)[known] = _NO_GROUP
+
+    @property
+    def _observers(self) -> int:
+        return self.scenario.n_drones if self.hears else 1
 
     def _act(self, rows: Ints, positions: NDArray[np.integer], matrices: Singles) -> Ints:
-        actions = np.empty(positions.shape[:2], np.int64)
+        """The actions; each drone of a row is an observer of its own, or there is one for all."""
+        n = self.scenario.n_drones
+        each = self._observers
         if not rows.size:
-            return actions
-        more = int(rows.max()) + 1 - len(self._group_of)
-        if more > 0:
-            self._group_of = np.append(self._group_of, np.full(more, _NO_GROUP))
-        new = rows[self._group_of[rows] == _NO_GROUP]
+            return np.empty((0, n), np.int64)
+        self._make_room(int(rows.max()) + 1)
+        who = (rows[:, None] * each + np.arange(each)).reshape(-1)
+        new = who[self._group_of[who] == _NO_GROUP]
         if new.size:
             self._add_group(new, self.begin())
+        if matrices.ndim == 3:
+            matrices = matrices[:, None]
+        seen = self._seen(rows, positions, matrices)
+        chosen = self._choices(who, seen)  # of all drones, by each observer
+        own = np.arange(n) if each == n else np.zeros(n, np.int64)
+        actions: Ints = chosen.reshape(len(rows), each, n)[:, own, np.arange(n)]
+        self._latest[rows] = actions
+        return actions
+
+    def _make_room(self, rows: int) -> None:
+        """Make room for some rows."""
+        more = rows - len(self._latest)
+        if more > 0:
+            self._group_of = np.append(self._group_of, np.full(more * self._observers, _NO_GROUP))
+            unknown = np.full((more, self.scenario.n_drones), _NO_ACTION)
+            self._latest = np.concatenate([self._latest, unknown])
+
+    def _seen(self, rows: Ints, positions: NDArray[np.integer], matrices: Singles) -> _Seen:
+        """What each observer sees of the drones that it hears."""
+        each = self._observers
+        n = self.scenario.n_drones
+        heard = np.ones((len(rows), each, n), np.bool_)
+        if self.hears:
+            size = self.scenario.grid_size
+            cells = cell_number(positions[..., 0], positions[..., 1], size)
+            heard = hearing(cells, size, self.scenario.radio_range or 0.0)
+        latest = self._latest[rows][:, None]
+        seen_actions = np.where(heard, latest, np.where(latest < 0, _NO_ACTION, Action.IDLE.value))
+        seen_positions = np.where(heard[..., None], positions[:, None], _UNHEARD)
+        return _Seen(
+            positions=seen_positions.reshape(-1, n, 2),
+            matrices=matrices[:, :each].reshape(-1, *matrices.shape[2:]),
+            actions=seen_actions.reshape(-1, n),
+        )
+
+    def _choices(self, who: Ints, seen: _Seen) -> Ints:
+        """What each observer would have all drones do, as far as it hears them: (observers, n)."""
+        chosen = np.full(seen.actions.shape, Action.IDLE.value)
         groups, counts = np.unique(self._group_of, return_counts=True)
         sizes = dict(zip(groups.tolist(), counts.tolist(), strict=True))
         for group in self._memories.keys() - sizes.keys():
             del self._memories[group]
-        for indices in _identical(self._group_of[rows], positions, matrices):
-            group = int(self._group_of[rows[indices[0]]])
+        for indices in _identical(self._group_of[who], seen):
+            group = int(self._group_of[who[indices[0]]])
             memory = self._memories[group]
             if len(indices) < sizes[group]:
                 sizes[group] -= len(indices)
                 memory = copy.deepcopy(memory)
-                self._add_group(rows[indices], memory)
-            cells = [(x, y) for x, y in positions[indices[0]].tolist()]
-            actions[indices] = self.choose(memory, cells, matrices[indices[0]])
-        return actions
+                self._add_group(who[indices], memory)
+            positions, matrix, actions = (array[indices[0]] for array in seen)
+            heard = (positions[:, 0] != _UNHEARD).nonzero()[0]
+            cells = [(x, y) for x, y in positions[heard].tolist()]
+            if actions[0] != _NO_ACTION:
+                numbers = [cell_number(x, y, self.scenario.grid_size) for x, y in cells]
+                cells_searched = searched(self.scenario, numbers, actions[heard].tolist())
+                self.learn(memory, cells_searched, actions.tolist())
+            chosen[indices[:, None], heard] = self.choose(memory, cells, matrix)
+        return chosen
 
-    def _add_group(self, rows: Ints, memory: Any) -> None:
-        self._group_of[rows] = self._next_group
+    def _add_group(self, who: Ints, memory: Any) -> None:
+        self._group_of[who] = self._next_group
         self._memories[self._next_group] = memory
         self._next_group += 1
 
 
-def _identical(groups: Ints, positions: NDArray[np.integer], matrices: Singles) -> Iterator[Ints]:
-    """The indices of rows that share a memory and have identical observations now."""
+class _Seen(NamedTuple):
+    """What observers see; the first axis is the observer.
+
+    Attributes:
+        positions: of the drones that are heard, (x, y); others are `_UNHEARD`: (..., n, 2).
+        matrices: (..., N, N).
+        actions: in the last step; `_NO_ACTION` before the first: (..., n).
+    """
+
+    positions: NDArray[np.integer]
+    matrices: Singles
+    actions: Ints
+
+
+def _identical(groups: Ints, seen: _Seen) -> Iterator[Ints]:
+    """The indices of observers that share a memory and see the same now."""
     order = np.argsort(groups, kind="stable")
     borders = np.flatnonzero(np.diff(groups[order])) + 1
     for indices in np.split(order, borders):
@@ -195,13 +318,13 @@ def _identical(groups: Ints, positions: NDArray[np.integer], matrices: Singles) 
             yield indices
             continue
         here = slice(None) if len(indices) == len(groups) else indices  # a slice copies nothing
-        seen = positions[here], matrices[here]
-        equal = [(array == array[0]).reshape(len(indices), -1).all(axis=1) for array in seen]
-        same = np.logical_and(*equal)
+        arrays = [array[here] for array in seen]
+        equal = [(array == array[0]).reshape(len(indices), -1).all(axis=1) for array in arrays]
+        same = np.logical_and.reduce(equal)
         yield indices[same]
-        others: dict[tuple[bytes, bytes], list[int]] = {}
+        others: dict[tuple[bytes, ...], list[int]] = {}
         for index in indices[~same].tolist():
-            key = positions[index].tobytes(), matrices[index].tobytes()
+            key = tuple(array[index].tobytes() for array in seen)
             others.setdefault(key, []).append(index)
         yield from map(np.array, others.values())
 

@@ -16,6 +16,7 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.core.grid import MOVES, Cell
+from DroneSwarmSearch.core.moves import moved, searched
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.belief import Belief, begun_beliefs, shown_matrix
@@ -165,13 +166,19 @@ class BeliefTracker:
         return twin
 
     def update(self, cells: Sequence[Cell], actions: Sequence[int]) -> None:
-        """Advance by a step: searches that did not find those still missing, then drift."""
-        size = self.scenario.grid_size
-        searched = [
-            cell_number(x, y, size)
-            for (x, y), action in zip(cells, actions, strict=True)
-            if action == Action.SEARCH
-        ]
+        """Advance by a step in which the drones, in some cells (x, y), take actions."""
+        actions = [*map(int, actions)]
+        before = [cell_number(x, y, self.scenario.grid_size) for x, y in cells]
+        after = moved(self.scenario, before, actions)
+        self.learn(searched(self.scenario, after, actions), actions)
+
+    def learn(self, searched: Sequence[int], actions: Sequence[int]) -> None:
+        """Advance by a step: searches that did not find those still missing, then drift.
+
+        Args:
+            searched: the cells, y * N + x, each as often as it was searched.
+            actions: of all drones; `Action.IDLE` where it is not known.
+        """
         self.headings = tuple(
             int(action) if action in HEADINGS else before
             for action, before in zip(actions, self.headings, strict=True)
@@ -179,7 +186,7 @@ class BeliefTracker:
         self._perhaps_found = ()
         self._latest = None
         if searched:
-            self._update_beliefs(searched)
+            self._update_beliefs([*searched])
         if self._beliefs is not None:
             self._beliefs = tuple(belief.after_drift(self.step) for belief in self._beliefs)
         self.step += 1

@@ -139,13 +139,12 @@ class GreedyPolicy(_Greedy):
 
     def choose(self, memory: Floats, cells: list[Cell], matrix: Singles) -> list[Action]:
         values = matrix.astype(np.float64) * (1.0 - memory)
-        actions = approach_in_turn(cells, self._targets(cells, values), values, self.scenario.crash)
+        return approach_in_turn(cells, self._targets(cells, values), values, self.scenario.crash)
+
+    def learn(self, memory: Floats, searched: list[int], actions: list[int]) -> None:
         if not self.scenario.bayesian_update:
             memory *= FADING
-            for (x, y), action in zip(cells, actions, strict=True):
-                if action is Action.SEARCH:
-                    memory[y, x] = FADING
-        return actions
+            memory.reshape(-1)[searched] = FADING
 
 
 class PosteriorGreedyPolicy(_Greedy):
@@ -165,9 +164,10 @@ class PosteriorGreedyPolicy(_Greedy):
 
     def choose(self, memory: BeliefTracker, cells: list[Cell], matrix: Singles) -> list[Action]:
         memory.observe(matrix)
-        actions = self.actions(memory, cells)
-        memory.update(cells, actions)
-        return actions
+        return self.actions(memory, cells)
+
+    def learn(self, memory: BeliefTracker, searched: list[int], actions: list[int]) -> None:
+        memory.learn(searched, actions)
 
     def actions(self, tracker: BeliefTracker, cells: list[Cell]) -> list[Action]:
         """The drones' actions, given the beliefs, which do not change."""

@@ -149,9 +149,7 @@ class ImitationPolicy(OpenLoopPolicy):
         if self._samples is not None:
             return super().choose(memory, cells, matrix)
         memory.tracker.observe(matrix)
-        actions = self._preferred(memory.tracker, cells)
-        memory.tracker.update(cells, actions)
-        return actions
+        return self._preferred(memory.tracker, cells)
 
     def plan(
         self, tracker: BeliefTracker, cells: list[Cell], rest: Sequence[PlanStep] = ()

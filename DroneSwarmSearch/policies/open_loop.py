@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from abc import abstractmethod
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,9 +14,9 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.core.grid import Cell, Grid
-from DroneSwarmSearch.core.rules import Action
+from DroneSwarmSearch.core.moves import moved, searched
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.policies.base import SwarmPolicy
+from DroneSwarmSearch.policies.base import ALL, SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
 HORIZON = 500  # the most steps to plan at once, which bounds time and memory
@@ -45,8 +46,11 @@ class OpenLoopMemory:
 class OpenLoopPolicy(SwarmPolicy):
     """A policy that makes a plan at the start, after a find, and where a drone is displaced.
 
-    Searches that begin in the same way share a plan. Subclasses implement `plan`.
+    Searches that begin in the same way share a plan. Subclasses implement `plan`. In a search with
+    a `radio_range`, such policies are yardsticks: they act on what all drones together know.
     """
+
+    knows = ALL
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
@@ -74,9 +78,10 @@ class OpenLoopPolicy(SwarmPolicy):
         if not ahead or missing != tracker.missing or ahead[0][0] != cells:
             self._replan(memory, cells)
             ahead = memory.plan
-        actions = ahead[0][1]
-        tracker.update(cells, actions)
-        return actions
+        return ahead[0][1]
+
+    def learn(self, memory: OpenLoopMemory, searched: list[int], actions: list[int]) -> None:
+        memory.tracker.learn(searched, actions)
 
     def _replan(self, memory: OpenLoopMemory, cells: list[Cell]) -> None:
         """Give a search a plan from its current step on."""
@@ -111,23 +116,23 @@ class OpenLoopPolicy(SwarmPolicy):
         for _ in range(self.horizon(tracker)):
             actions = [*map(int, act(tracker, cells))]
             steps.append((cells, actions))
-            searched = [
-                cell_number(x, y, size)
-                for (x, y), action in zip(cells, actions, strict=True)
-                if action == Action.SEARCH
-            ]
-            for which, person in enumerate(tracker.missing if searched else ()):
-                within = float(tracker.belief(person).reshape(-1)[searched].sum())
-                found = min(self.scenario.detections[person] * within, 1.0)
+            after = moved(self.scenario, [cell_number(x, y, size) for x, y in cells], actions)
+            looked_at = searched(self.scenario, after, actions)
+            for which, person in enumerate(tracker.missing if looked_at else ()):
+                found = self._found(tracker, person, looked_at)
                 alive = self.scenario.persons_to_find[person].alive(tracker.step)
                 dead[which] += unfound[which] * found * (1.0 - alive)
                 unfound[which] *= 1.0 - found
-            tracker.update(cells, actions)
-            cells = self.ahead(cells, actions)
+            tracker.learn(looked_at, actions)
+            cells = [self._grid.positions[cell] for cell in after]
         return steps, 1.0 - unfound - dead
 
-    def ahead(self, cells: list[Cell], actions: Sequence[int]) -> list[Cell]:
-        """The drones' cells after a step of actions that keep them on the grid."""
-        numbers = (cell_number(x, y, self.scenario.grid_size) for x, y in cells)
-        moves = zip(numbers, actions, strict=True)
-        return [self._grid.positions[self._grid.neighbours[cell][action]] for cell, action in moves]
+    def _found(self, tracker: BeliefTracker, person: int, cells: list[int]) -> float:
+        """The probability that searches of cells, each as often as it occurs, find a person."""
+        belief = tracker.belief(person).reshape(-1)
+        detection = self.scenario.detections[person]
+        times = Counter(cells)
+        if len(times) == len(cells):
+            return min(detection * float(belief[cells].sum()), 1.0)
+        missed = 1.0 - detection
+        return min(sum(float(belief[cell]) * (1.0 - missed**n) for cell, n in times.items()), 1.0)

@@ -20,7 +20,7 @@ from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch.core.collision_avoidance import ACTION_OF, resolve_conflicts
 from DroneSwarmSearch.core.grid import Cell, moves_between
 from DroneSwarmSearch.core.rules import PASS, Action
-from DroneSwarmSearch.policies.base import SwarmPolicy
+from DroneSwarmSearch.policies.base import AGREED, SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 from DroneSwarmSearch.policies.datum import REACH, Datum, datums_of
 from DroneSwarmSearch.policies.pattern_tracks import (
@@ -34,8 +34,6 @@ from DroneSwarmSearch.policies.pattern_tracks import (
 )
 
 Route = list[Cell]
-
-STEPS_PER_CELL = 2  # steps to search one more cell of a track: a move and a search
 
 CELLS_PER_LENGTH = 4 / math.pi
 """Cells per unit of length along a line, the mean over all directions: |cos| + |sin|."""
@@ -56,6 +54,11 @@ class _RouteProgress:
     def next_cell(self) -> Cell | None:
         return self.route[self.at] if self.route else None
 
+    def arrive(self, cell: Cell) -> None:
+        """A drone that searches in flight is in a cell, which it has searched."""
+        if self.next_cell == cell and not self.is_done:
+            self.advance()
+
     def advance(self) -> None:
         """The next cell is being searched; continue with the one after it."""
         self.at += 1
@@ -75,7 +78,12 @@ class _PatternMemory:
 
 
 class PatternPolicy(SwarmPolicy):
-    """Lays out tracks around a datum; the drones search along them."""
+    """Lays out tracks around a datum; the drones search along them.
+
+    In a search with a `radio_range`, they fly as agreed before the start, whatever they hear.
+    """
+
+    knows = AGREED
 
     @abstractmethod
     def routes(self, datum: Datum, laid_out: int) -> list[list[Route]]:
@@ -89,7 +97,11 @@ class PatternPolicy(SwarmPolicy):
         return _PatternMemory(BeliefTracker(self.scenario))
 
     def choose(self, memory: _PatternMemory, cells: list[Cell], matrix: Singles) -> list[Action]:
-        memory.tracker.observe(matrix)
+        if self.scenario.radio_range is None:
+            memory.tracker.observe(matrix)
+        if self.scenario.search_in_flight:
+            for progress, cell in zip(memory.progress, cells, strict=False):
+                progress.arrive(cell)
         if all(progress.is_done for progress in memory.progress):
             routes = self.routes(self._datum(memory, cells), memory.laid_out)
             memory.progress = _assigned(routes, cells)
@@ -105,8 +117,15 @@ class PatternPolicy(SwarmPolicy):
                 actions.append(Action.SEARCH)
             else:
                 actions.append(ACTION_OF[next_x - x, next_y - y])
-        memory.tracker.update(cells, actions)
         return actions
+
+    def learn(self, memory: _PatternMemory, searched: list[int], actions: list[int]) -> None:
+        memory.tracker.learn(searched, actions)
+
+    @property
+    def _steps_per_cell(self) -> int:
+        """The steps to search one more cell of a track: a move, and unless in flight a search."""
+        return 1 if self.scenario.search_in_flight else 2
 
     def _datum(self, memory: _PatternMemory, cells: list[Cell]) -> Datum:
         """The next datum, as it will be when the drones are half-way through."""
@@ -121,11 +140,11 @@ class PatternPolicy(SwarmPolicy):
             datum, *later = datums[memory.laid_out % len(datums) :]
             weight = sum(other.weight for other in later) + datum.weight
             left = (limit - tracker.step) * datum.weight / weight
-            effort = len(cells) * (left - way) / STEPS_PER_CELL
+            effort = len(cells) * (left - way) / self._steps_per_cell
             datum = datum._replace(effort=max(effort, 1.0))
             area = datum.area(self.scenario.grid_size)
             way = sum(_steps_to_area(cell, area) for cell in cells) / len(cells)
-            duration = STEPS_PER_CELL * area.area / len(cells)
+            duration = self._steps_per_cell * area.area / len(cells)
             half_way = min(tracker.step + round(way + duration / 2), limit)
         return datum
 

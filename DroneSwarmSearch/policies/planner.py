@@ -10,6 +10,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core.moves import searched
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.paths.best_paths import DronePath
@@ -121,7 +122,10 @@ class PlannerPolicy(OpenLoopPolicy):
         cells = [[cell_number(x, y, size) for x, y in here] for here, _ in steps]
         last = zip(cells[-1], steps[-1][1], strict=True)
         cells.append([self._grid.neighbours[cell][action] for cell, action in last])
-        searches = [[action == Action.SEARCH for action in actions] for _, actions in steps]
+        in_flight = self.scenario.search_in_flight
+        searches = [
+            [in_flight or action == Action.SEARCH for action in actions] for _, actions in steps
+        ]
         return [
             DronePath(*arrays)
             for arrays in zip(np.array(cells).T, np.array(searches).T, strict=True)
@@ -145,4 +149,14 @@ class PlannerPolicy(OpenLoopPolicy):
 def _acting(policy: SwarmPolicy) -> Act:
     """Choose the actions of a policy, from the first step of a search on."""
     memory = policy.begin()
-    return lambda tracker, cells: policy.choose(memory, cells, tracker.matrix())
+    scenario = policy.scenario
+    latest: list[int] = []
+
+    def act(tracker: BeliefTracker, cells: list[Cell]) -> list[int]:
+        if latest:
+            numbers = [cell_number(x, y, scenario.grid_size) for x, y in cells]
+            policy.learn(memory, searched(scenario, numbers, latest), latest)
+        latest[:] = map(int, policy.choose(memory, cells, tracker.matrix()))
+        return [*latest]
+
+    return act

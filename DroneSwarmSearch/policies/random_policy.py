@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from DroneSwarmSearch._internal.arrays import Ints, Singles, Words
 from DroneSwarmSearch._internal.streams import episode_keys, policy_key, uniforms
 from DroneSwarmSearch.core.grid import Grid
+from DroneSwarmSearch.core.radio import hearing
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.policies.base import BatchPolicy
@@ -17,7 +18,8 @@ class RandomPolicy(BatchPolicy):
     """Chooses each drone's action uniformly among the safe ones.
 
     The drones choose in turn. Searching and idling are always safe; a move is safe if no drone is
-    in the cell and no earlier drone is about to enter it.
+    in the cell and no earlier drone is about to enter it. In a search with a `radio_range`, drones
+    take only those in range into account.
 
     The draws depend only on a search's seed, its episode, the step and the drone, not on the rest
     of the batch, nor on the draws of an environment with the same seed. Row i has seed i until
@@ -69,12 +71,17 @@ class RandomPolicy(BatchPolicy):
         cells = positions[..., 1].astype(np.int64) * self.scenario.grid_size + positions[..., 0]
         targets = self._targets[cells]  # [row, drone, action]
         next_cells = cells.copy()
+        heard = np.ones((*cells.shape, drones), np.bool_)
+        if self.scenario.radio_range is not None:
+            heard = hearing(cells, self.scenario.grid_size, self.scenario.radio_range)
         moves = slice(Action.SEARCH)
         for drone in range(drones):
             safe = targets[:, drone] >= 0
             ahead = targets[:, drone, moves, None]
-            safe[:, moves] &= (ahead != cells[:, None]).all(axis=-1)
-            safe[:, moves] &= (ahead != next_cells[:, None, :drone]).all(axis=-1)
+            unheard = ~heard[:, drone, None]
+            safe[:, moves] &= ((ahead != cells[:, None]) | unheard).all(axis=-1)
+            before = next_cells[:, None, :drone]
+            safe[:, moves] &= ((ahead != before) | unheard[..., :drone]).all(axis=-1)
             rank = np.cumsum(safe, axis=1)  # rank among the safe actions, from 1
             drawn = (uniforms[:, drone] * rank[:, -1]).astype(np.int64) + 1
             picked = (rank == drawn[:, None]).argmax(axis=1)

@@ -304,15 +304,9 @@ class SearchBatch:
         world = self._world
 
         # 1. All drones move or search.
-        targets = self._neighbours.take(self.cells * len(Action) + chosen)
-        if self._rules.crash == rules.END:
-            arrived = np.where(targets == OFF_GRID, self.cells, targets)
-        else:
-            arrived = targets = rules.arrivals_of_rows(self.cells, targets, self._rules.crash)
-        self.searching = chosen == Action.SEARCH.value
-        if self._rules.search_in_flight:
-            self.searching = np.ones_like(self.searching)
-            self.searching[beginning] = False
+        targets, arrived = self._moved(chosen)
+        self.searching = self._searching(chosen)
+        self.searching[beginning] = False
         searches = self.searching.reshape(-1).nonzero()[0]  # by drone: row * n_drones + drone
         rows = self._row_of.take(searches)
         cells = arrived.take(searches)
@@ -346,6 +340,30 @@ class SearchBatch:
             self._begin(beginning, self._counters[:, beginning] + GOLDEN, catalogue)
         world.catalogue.forecasts.reach(int(world.step.max()))
         self._changing = False
+
+    def _moved(self, actions: Ints) -> tuple[Ints, Ints]:
+        """The targets of actions, see `rules.BatchEvents`, and the cells where drones arrive."""
+        targets = self._neighbours.take(self.cells * len(Action) + actions)
+        if self._rules.crash == rules.END:
+            return targets, np.where(targets == OFF_GRID, self.cells, targets)
+        arrived = rules.arrivals_of_rows(self.cells, targets, self._rules.crash)
+        return arrived, arrived
+
+    def _searching(self, actions: Ints) -> Flags:
+        """Which drones search; a new array."""
+        if self._rules.search_in_flight:
+            return np.ones(actions.shape, np.bool_)
+        searching: Flags = actions == Action.SEARCH.value
+        return searching
+
+    def searches_of(self, actions: Ints) -> tuple[Ints, Ints]:
+        """The searches that some actions, (E, n_drones), would make: their rows and cells.
+
+        In ascending order of rows, and within a row of drones. Rows that have ended count, too.
+        """
+        _, arrived = self._moved(actions)
+        rows, drones = self._searching(actions).nonzero()
+        return rows, arrived[rows, drones]
 
     def _listen(self, radio_range: float) -> None:
         """Let the drones hear those in range."""
