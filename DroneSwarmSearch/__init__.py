@@ -11,6 +11,7 @@ from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.env import DroneSwarmSearch, parallel_env
 from DroneSwarmSearch.geo.scale import Scale
 from DroneSwarmSearch.persons.hypotheses import Drift
+from DroneSwarmSearch.persons.markov import MarkovDrift
 from DroneSwarmSearch.persons.person import Person
 from DroneSwarmSearch.persons.tracks import Tracks
 
@@ -19,6 +20,7 @@ __all__ = [
     "Drift",
     "DroneSwarmSearch",
     "Ending",
+    "MarkovDrift",
     "Person",
     "ResetNeeded",
     "RewardScheme",

@@ -26,13 +26,15 @@ OTHER: dict[str, Any] = {
 }
 TWO = [Person([Drift((1, 1)), Drift((2, 2))], 0.3), Person(Drift((3, 1)))]
 
+LAST = ["mission", "shared_drift", "crash", "radio_range", "search_in_flight"]
+
 
 def test_names_and_defaults_match_the_environment():
     of_environment = inspect.signature(DroneSwarmSearch).parameters
     of_scenario = inspect.signature(Scenario).parameters
     own = {"render_mode", "render_grid", "render_gradient", "palette", "scenario"}
     assert list(of_scenario) == [name for name in of_environment if name not in own]
-    assert list(of_scenario) == [*OTHER, "persons", "mission", "shared_drift", "crash"]
+    assert list(of_scenario) == [*OTHER, "persons", *LAST]
     assert Scenario() == DroneSwarmSearch().scenario
     keyword_only = [each.name for each in of_scenario.values() if each.kind is each.KEYWORD_ONLY]
     assert keyword_only == list(of_scenario)[6:]
@@ -75,7 +77,7 @@ def test_dicts_round_trip(parameters):
     text = json.dumps(scenario.to_dict(), allow_nan=False)
     for same in (Scenario.from_dict(json.loads(text)), pickle.loads(pickle.dumps(scenario))):
         assert same == scenario and hash(same) == hash(scenario)
-    assert list(scenario.to_dict()) == [*OTHER, "persons", "mission", "shared_drift", "crash"]
+    assert list(scenario.to_dict()) == [*OTHER, "persons", *LAST]
     assert Scenario.from_dict({"grid_size": 9}) == Scenario(9)
 
 

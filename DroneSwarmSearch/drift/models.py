@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import warnings
-from functools import singledispatch
+from functools import lru_cache, singledispatch
 
 from DroneSwarmSearch.drift.chain import Chain
+from DroneSwarmSearch.drift.markov import MarkovModel
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.probability_matrix import ProbabilityMatrix
 from DroneSwarmSearch.persons.hypotheses import Hypotheses
 from DroneSwarmSearch.persons.known import KnownDrift
+from DroneSwarmSearch.persons.markov import MarkovDrift
 from DroneSwarmSearch.persons.tracks import TrackDrift
 
 MOST_BEYOND = 0.01  # the share of tracks off the grid above which there is a warning
@@ -24,6 +26,17 @@ def drift_model(known: KnownDrift, grid_size: int) -> DriftModel:
 @drift_model.register
 def _of_hypotheses(known: Hypotheses, grid_size: int) -> DriftModel:
     return ProbabilityMatrix(grid_size, known)
+
+
+@drift_model.register
+def _of_markov(known: MarkovDrift, grid_size: int) -> DriftModel:
+    return _markov_model(known, grid_size)
+
+
+@lru_cache(maxsize=16)
+def _markov_model(known: MarkovDrift, grid_size: int) -> MarkovModel:
+    """Equal chains share their tables."""
+    return MarkovModel(known, grid_size)
 
 
 @drift_model.register

@@ -2,7 +2,8 @@
 
 from DroneSwarmSearch.persons.hypotheses import Drift, Hypotheses
 from DroneSwarmSearch.persons.known import KnownDrift
+from DroneSwarmSearch.persons.markov import MarkovDrift
 from DroneSwarmSearch.persons.person import Person
 from DroneSwarmSearch.persons.tracks import TrackDrift, Tracks
 
-__all__ = ["Drift", "Hypotheses", "KnownDrift", "Person", "TrackDrift", "Tracks"]
+__all__ = ["Drift", "Hypotheses", "KnownDrift", "MarkovDrift", "Person", "TrackDrift", "Tracks"]

@@ -13,6 +13,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.persons.hypotheses import ROUNDING, Hypotheses
 from DroneSwarmSearch.persons.known import KnownDrift
+from DroneSwarmSearch.persons.markov import MarkovDrift
 from DroneSwarmSearch.persons.tracks import MOST_PARTS, USUAL_PARTS, TrackDrift, Tracks
 
 
@@ -29,8 +30,10 @@ class Person:
 
         Person(Tracks.read("drift.nc", ...), probability_of_detection=0.8)
 
+    With a `MarkovDrift`, the person moves by transition probabilities of your own.
+
     Args:
-        drift: one `Drift`, a sequence of them, or `Tracks`.
+        drift: one `Drift`, a sequence of them, `Tracks`, or a `MarkovDrift`.
         probability_of_detection: see below.
         survival: see below.
         fine: with tracks, where a person goes next depends on one of fine² parts of the cell; from
@@ -92,6 +95,9 @@ class Person:
     def from_dict(cls, data: Mapping[str, Any]) -> Person:
         """Make a person from the output of `to_dict`, see `Drift.from_dict`."""
         own = ("probability_of_detection", "survival")
+        if "markov" in data:
+            values = checks.known_keys("a person", data, ("markov", *own))
+            return cls(MarkovDrift.from_dict(values.pop("markov")), **values)
         if "tracks" in data:
             values = checks.known_keys("a person", data, ("tracks", *own, "fine", "classes"))
             return cls(Tracks.from_dict(values.pop("tracks")), **values)

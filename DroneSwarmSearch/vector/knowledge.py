@@ -42,7 +42,8 @@ class Knowledge:
         self.observers = observers
         self._size = scenario.grid_size
         self._persons = persons
-        self._shares_cells = scenario.crash == PASS
+        # Drones that collide in flight search the cell in which they meet, too.
+        self._shares_cells = scenario.crash == PASS or scenario.search_in_flight
         self._forecasts = catalogue.forecasts
         self._detections = np.zeros((persons, n))
         self.entries = np.zeros((persons, n), np.int64)
