@@ -212,7 +212,8 @@ class DroneSwarmSearch(SearchSpaces):
             options: may hold "drones_positions" and "vector", as below, and
                 "person_initial_position" or "persons", as in the constructor, for this
                 episode only. Other names cause a warning.
-            drones_positions: a different cell (x, y) for each drone, for this episode only.
+            drones_positions: a cell (x, y) for each drone, for this episode only; different ones
+                unless drones pass each other (`crash`).
                 By default, the drones stand from left to right from (0, 0), row by row.
                 Overrides the option.
             vector: drift in cells per step, (x, y), for this episode and later ones.

@@ -113,6 +113,8 @@ class RememberingDrones:
     in each step, history and cell: float32, (T, H, N, N).
     """
 
+    _spare_moves = 0  # a drone that has searched at age n has made n - 1 moves since then
+
     def __init__(
         self,
         trajectories: Trajectories,
@@ -126,8 +128,15 @@ class RememberingDrones:
         self._size = grid_size
         self._starts = list(starts)
         self._memory = min(memory, len(self._cells) - 1)
-        self._histories = Histories(self._memory)
         self._steps = [self._grouped(step) for step in range(len(self._cells))]
+
+    @cached_property
+    def _histories(self) -> Histories:
+        return Histories(self._memory)
+
+    @property
+    def _all_histories(self) -> list[History]:
+        return self._histories.all
 
     def until(self, steps: int) -> RememberingDrones:
         """The same drones in the first steps."""
@@ -145,7 +154,7 @@ class RememberingDrones:
         """The cost of the best paths, in updates of a value."""
         products: int = sum(step.pasts.shape[1] * step.n_cells for step in self._steps)
         updates = len(self._steps) * self._size**2
-        return len(self._histories.all) * (updates + products / PRODUCTS_PER_UPDATE)
+        return len(self._all_histories) * (updates + products / PRODUCTS_PER_UPDATE)
 
     def sums(self, weights: Floats, part: slice = EVERYTHING) -> list[Floats]:
         """Add up the weights of some trajectories, (2, m), by group."""
@@ -268,7 +277,7 @@ class RememberingDrones:
                 earlier_x, earlier_y = cell_position(self._cells[number - age], self._size)
                 dx = earlier_x - x
                 dy = earlier_y - y
-                near = moves_between(dx, dy) < age
+                near = moves_between(dx, dy) < age + self._spare_moves
                 offset[near] = _code(dx[near], dy[near], self._memory)
             codes, past = _distinct(past * codes_of_offsets + offset)
             before, latest = np.divmod(codes, codes_of_offsets)
@@ -295,7 +304,7 @@ class RememberingDrones:
         """For each step, the credit of each history for each past: float32, shape (H, P)."""
         codes = [
             [0 if offset is None else _code(*offset, self._memory) for offset in history]
-            for history in self._histories.all
+            for history in self._all_histories
         ]
         searched = np.array(codes)
         by_number = self.detection * (1.0 - self.detection) ** np.arange(self._memory + 1.0)

@@ -31,6 +31,9 @@ policy that is told k before the first step can ignore it, so no policy finds mo
 that is told; its success given k is at most the bound for a search in which k is certain. The bound
 is therefore the mean of these bounds over the hypotheses.
 
+The bound lets drones share cells, so it holds whatever happens to those that meet. Drones that
+search in flight are those of `flying`.
+
 In a coverage mission, the bound is the mean over persons. `Person.survival` is left out: who is
 found alive is found, so the bound also holds for finding alive.
 """
@@ -47,6 +50,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch.bound.flying import FlyingDrones
 from DroneSwarmSearch.bound.frank_wolfe import frank_wolfe
 from DroneSwarmSearch.bound.memory import RememberingDrones
 from DroneSwarmSearch.bound.mirror_ascent import CHECKS, BestMixture, mirror_ascent
@@ -60,7 +64,7 @@ from DroneSwarmSearch.bound.trajectories import (
 )
 from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
 from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.paths.best_paths import best_paths, values_to_go
+from DroneSwarmSearch.paths.best_paths import best_paths, cells_looked_at, values_to_go
 
 SAMPLE = 2**18
 """Trajectories in a sample; with one person, sampling adds at most 0.4 percentage points."""
@@ -194,6 +198,7 @@ def _bound(
             trajectories=every or sample_trajectories(model, limit, options.sample),
             failure=None if every else failure,
             gap=options.gap,
+            in_flight=scenario.search_in_flight,
         )
         curve, solution = relaxation.curve(options.ends, options.memory)
         curves.append(curve)
@@ -226,14 +231,19 @@ def _ends(limit: int, horizons: int) -> list[int]:
     return sorted(ends, reverse=True)
 
 
-def drone_paths(starts: Sequence[int], gains: Floats) -> tuple[float, Floats]:
+def drone_paths(
+    starts: Sequence[int], gains: Floats, in_flight: bool = False
+) -> tuple[float, Floats]:
     """The most that the drones can gain, and their searches of each cell; both (n, N, N)."""
-    values = values_to_go(gains, np.zeros(gains.shape[1:]))
+    values = values_to_go(gains, np.zeros(gains.shape[1:]), in_flight=in_flight)
     effort = np.zeros_like(gains)
     which = np.zeros(len(starts), np.int64)
-    cells, searches = best_paths(gains[:, None], values[:, :, None], np.array(starts), which)
+    cells, searches = best_paths(
+        gains[:, None], values[:, :, None], np.array(starts), which, in_flight=in_flight
+    )
     step, drone = searches.nonzero()
-    np.add.at(effort.reshape(len(effort), -1), (step, cells[step, drone]), 1.0)
+    looked_at = cells_looked_at(cells, in_flight)
+    np.add.at(effort.reshape(len(effort), -1), (step, looked_at[step, drone]), 1.0)
     return float(values[0, 0].reshape(-1)[list(starts)].sum()), effort
 
 
@@ -256,6 +266,7 @@ class _Relaxation:
         trajectories: all of the person's, or a sample.
         failure: the probability that a sampled bound may fail; None for all trajectories.
         gap: the duality gap at which to stop, as a fraction of the bound.
+        in_flight: whether drones search in flight.
     """
 
     model: DriftModel
@@ -264,6 +275,7 @@ class _Relaxation:
     trajectories: Trajectories
     failure: float | None
     gap: float
+    in_flight: bool
 
     def curve(self, ends: Sequence[int], memory: int | None) -> tuple[Floats, BestMixture]:
         """The bound after each number of steps, and the solution for the first of `ends`."""
@@ -286,14 +298,15 @@ class _Relaxation:
     def _drones(self, work: float, memory: int | None = None) -> RememberingDrones:
         """Drones with some memory; by default, with as much as an amount of work allows."""
         others = self.model.grid_size, self.detection, self.starts
+        kind = FlyingDrones if self.in_flight else RememberingDrones
         if memory is None:
             part = equally_likely(self.trajectories.cells[:, :TRAJECTORIES_TO_MEASURE])
             memory = 0
             while memory < MOST_MEMORY:
-                if RememberingDrones(part, *others, memory + 1).work > work:
+                if kind(part, *others, memory + 1).work > work:
                     break
                 memory += 1
-        return RememberingDrones(self.trajectories, *others, memory)
+        return kind(self.trajectories, *others, memory)
 
     def _solve(
         self, drones: RememberingDrones, iterations: int, sums: list[Floats] | None = None
@@ -319,7 +332,7 @@ class _Relaxation:
         rate = -math.log1p(-self.detection)
         return frank_wolfe(
             MarkovChainObjective(self.model, rate, solution.effort),
-            partial(drone_paths, self.starts),
+            partial(drone_paths, self.starts, in_flight=self.in_flight),
             gap=self.gap,
             iterations=CHAIN_ITERATIONS,
             upper_bound=upper_bound,

@@ -13,7 +13,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.core.grid import Cell
-from DroneSwarmSearch.core.rules import CRASHES, END, RewardScheme, SearchRules
+from DroneSwarmSearch.core.rules import CRASHES, END, PASS, RewardScheme, SearchRules
 from DroneSwarmSearch.drift.axes import dispersion_rate
 from DroneSwarmSearch.drift.model import DriftModel
 from DroneSwarmSearch.drift.models import drift_model
@@ -278,11 +278,12 @@ class Scenario:
         return beyond
 
     def drone_cells(self, drones_positions: object, name: str = "drones_positions") -> list[int]:
-        """Validate the drones' different start cells; returns them as numbers, y * N + x.
+        """Validate the drones' start cells; returns them as numbers, y * N + x.
 
         Raises:
             TypeError: they are not cells.
-            ValueError: a cell is off the grid, two are equal, or their number is wrong.
+            ValueError: a cell is off the grid, their number is wrong, or two are equal, unless
+                drones pass each other.
         """
         n = self.n_drones
         size = self.grid_size
@@ -293,15 +294,17 @@ class Scenario:
                 f"got {len(given)}: {drones_positions!r}"
             )
         first_at: dict[Cell, int] = {}
+        numbers = []
         for drone, cell in enumerate(given):
             cell = checks.cell(f"{name}[{drone}]", cell, size)
-            if cell in first_at:
+            numbers.append(cell_number(*cell, size))
+            if cell in first_at and self.crash != PASS:
                 raise ValueError(
                     f"{name} must hold different cells, got {cell} for both "
                     f"drone{first_at[cell]} and drone{drone}"
                 )
             first_at[cell] = drone
-        return [cell_number(x, y, size) for x, y in first_at]
+        return numbers
 
     def drone_cells_of_rows(self, drones_positions: Any, rows: int) -> Ints:
         """`drone_cells`, (rows, n_drones), of (n_drones, 2) or (rows, n_drones, 2) numbers."""

@@ -32,6 +32,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch.core.grid import Grid
+from DroneSwarmSearch.core.rules import BLOCK, END, PASS
 from DroneSwarmSearch.paths.best_paths import (
     FORBIDDEN,
     DronePath,
@@ -119,12 +120,14 @@ class Candidates:
 
     Attributes:
         total: what the segments of a team gain together: (K, m).
+        indices: for each member of the teams, `cells` as indices in the boxes.
         cells: for each member of the teams, the cells at the beginning and after each step:
             (L + 1, K, m).
         searches: for each member, the steps with a search: (L, K, m).
     """
 
     total: Floats
+    indices: list[Ints]
     cells: list[Ints]
     searches: list[Flags]
 
@@ -137,7 +140,9 @@ class JointPlan:
         first: the plan's first step.
         paths: the drones' paths to begin with.
         in_flight: whether drones search in flight, see `best_paths`.
-        shares_cells: whether drones may share cells; else no two are ever in one cell.
+        crash: what happens to drones that meet, see `core.rules`. Unless they pass each other, no
+            two are ever in one cell; if they block each other, none enters a cell before another
+            one has left it, lower numbers first.
 
     Attributes:
         paths: the current paths.
@@ -150,10 +155,10 @@ class JointPlan:
         paths: Sequence[DronePath],
         *,
         in_flight: bool = False,
-        shares_cells: bool = False,
+        crash: str = END,
     ) -> None:
         self._in_flight = in_flight
-        self._shares_cells = shares_cells
+        self._crash = crash
         self._steps = len(targets[0].worth)
         self._size = targets[0].belief.shape[-1]
         self._grid = Grid.of(self._size)
@@ -257,7 +262,7 @@ class JointPlan:
         """
         segments = self._drawn_segments(begin, end, rng)
         windows = [
-            TargetWindow(passes, begin, segments.steps, segments.boxes, self._shares_cells)
+            TargetWindow(passes, begin, segments.steps, segments.boxes, self._crash == PASS)
             for passes in self._passes
         ]
         values = segments.steps * sum(window.cells for window in windows)
@@ -285,7 +290,7 @@ class JointPlan:
         goals = cells[-1, teams]
         if end == self._steps:
             old_goals = goals = np.full_like(goals, -1)
-        elif members > 1:
+        elif members > 1 and self._crash != BLOCK:
             can = (self._grid.distance(starts, goals[:, ::-1]) <= steps).all(axis=1)
             exchanges = can & (rng.random(count) < EXCHANGES)
             goals[exchanges] = goals[exchanges, ::-1]
@@ -343,10 +348,10 @@ class JointPlan:
         reach = segments.reach
         boxes, members = segments.teams.shape
         shape = (segments.steps, boxes, count, reach.height, reach.width)
-        taken: list[list[Index]] = [[] for _ in range(segments.steps)]
-        if not self._shares_cells:
-            taken = _taken_by_others(reach.indices(segments.cells[..., None]), segments.teams)
-        found = Candidates(np.zeros((boxes, count)), [], [])
+        by_others = reach.indices(segments.cells[..., None])  # [step, drone, box]
+        # Members of a team have no paths yet, but stand in their first cells.
+        by_others[1:, segments.teams.T, np.arange(boxes)] = -1
+        found = Candidates(np.zeros((boxes, count)), [], [], [])
         for member, drones in enumerate(segments.teams.T):
             gains = sum(window.gains(reach) for window in windows)
             some = factors[int(rng.integers(NOISE)) :][: math.prod(shape)]
@@ -354,11 +359,15 @@ class JointPlan:
             ends: Any = -1
             if np.all(segments.goals >= 0):
                 ends = reach.indices(segments.goals[:, member])
+            taken: list[list[Index]] = [[] for _ in range(segments.steps)]
+            if self._crash != PASS:
+                taken = self._taken(by_others[..., None], np.arange(len(self.paths)), drones)
+                for other, own in zip(segments.teams.T, found.indices, strict=False):
+                    mine = self._taken(own[:, None], other[None], drones)
+                    taken = [before + more for before, more in zip(taken, mine, strict=True)]
             starts = reach.indices(segments.cells[0, drones])
             indices, searches, is_possible = _best(gains, starts, ends, taken, self._in_flight)
-            if not self._shares_cells:
-                for others, own in zip(taken, indices[1:], strict=True):
-                    others.append((*np.indices(own.shape), own))
+            found.indices.append(indices)
             cells = reach.cells(indices)
             looked_at = cells_looked_at(cells, self._in_flight)
             is_last = member == members - 1
@@ -369,6 +378,26 @@ class JointPlan:
             found.cells.append(cells)
             found.searches.append(searches)
         return found
+
+    def _taken(self, indices: Ints, others: Ints, drones: Ints) -> list[list[Index]]:
+        """The cells that a drone in each box must not be in after each step, as indices.
+
+        Args:
+            indices: of other drones' cells in the boxes at the beginning and after each step, or
+                -1: (L + 1, others, K, m), or m = 1 for all candidates.
+            others: their numbers: (others,), or by box (others, K).
+            drones: the number of the drone in each box: (K,).
+        """
+        steps = len(indices) - 1
+        taken = [_where(indices[step]) for step in range(1, steps + 1)]
+        if self._crash == BLOCK:
+            numbers = others if others.ndim > 1 else others[:, None]
+            later = (numbers > drones)[..., None]  # they move later, and must be out of the way
+            for step in range(1, steps + 1):
+                taken[step - 1] += _where(np.where(later, indices[step - 1], -1))
+                if step < steps:
+                    taken[step - 1] += _where(np.where(~later, indices[step + 1], -1))
+        return taken
 
     def _take(
         self, segments: Segments, candidates: Candidates, chosen: Ints, total: Floats
@@ -423,17 +452,12 @@ class JointPlan:
                 path.searches[end:] = rest.searches
 
 
-def _taken_by_others(indices: Ints, teams: Ints) -> list[list[Index]]:
-    """The cells of all drones but the team in each box: for each step, an index.
-
-    Given are their indices in the boxes, [step, drone, box].
-    """
-    indices[:, teams.T, np.arange(len(teams))] = -1
-    taken: list[list[Index]] = []
-    for here in indices[1:]:
-        drone, box = (here >= 0).nonzero()
-        taken.append([(box, slice(None), here[drone, box])])
-    return taken
+def _where(here: Ints) -> list[Index]:
+    """The cells of drones, (others, K, m) or -1, as indices of arrays (K, m, cells)."""
+    other, box, candidate = (here >= 0).nonzero()
+    if here.shape[-1] == 1:
+        return [(box, slice(None), here[other, box, 0])]
+    return [(box, candidate, here[other, box, candidate])]
 
 
 def _best(

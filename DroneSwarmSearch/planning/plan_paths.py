@@ -10,7 +10,7 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.progress import progress
-from DroneSwarmSearch.core.rules import PASS
+from DroneSwarmSearch.core.rules import BLOCK, PASS
 from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
 from DroneSwarmSearch.paths.best_paths import DronePath, best_paths, values_to_go
 from DroneSwarmSearch.paths.joint_plan import JointPlan
@@ -91,7 +91,7 @@ class Known:
             self.first,
             paths,
             in_flight=self.scenario.search_in_flight,
-            shares_cells=self.scenario.crash == PASS,
+            crash=self.scenario.crash,
         )
 
     def success_by_time(self, paths: Sequence[DronePath]) -> Floats:
@@ -202,6 +202,8 @@ def _one_by_one(known: Known, starts: Sequence[int]) -> list[DronePath]:
         taken = [*later, *[np.full(known.steps, cell) for cell in starts[number + 1 :]]]
         if known.scenario.crash == PASS:
             taken = []
+        elif known.scenario.crash == BLOCK:  # out of the way before the others move
+            taken += [np.append(cells[1:], cells[-1]) for cells in later]
         blocked = [[(0, cells)] for cells in np.array(taken, np.int64).reshape(-1, known.steps).T]
         # A search right after one of the same cell gains nothing.
         again = np.zeros_like(gains)

@@ -10,7 +10,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.core.grid import Cell
-from DroneSwarmSearch.core.moves import searched
+from DroneSwarmSearch.core.moves import moved, searched
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.paths.best_paths import DronePath
@@ -120,8 +120,7 @@ class PlannerPolicy(OpenLoopPolicy):
         """Every drone's path in a plan."""
         size = self.scenario.grid_size
         cells = [[cell_number(x, y, size) for x, y in here] for here, _ in steps]
-        last = zip(cells[-1], steps[-1][1], strict=True)
-        cells.append([self._grid.neighbours[cell][action] for cell, action in last])
+        cells.append(moved(self.scenario, cells[-1], steps[-1][1]))
         in_flight = self.scenario.search_in_flight
         searches = [
             [in_flight or action == Action.SEARCH for action in actions] for _, actions in steps
