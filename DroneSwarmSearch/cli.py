@@ -220,6 +220,7 @@ def _add_files(parser: argparse.ArgumentParser, name: str) -> None:
         add("--policy", metavar="POLICY", default="planner", help=policies)
         add("--seed", metavar="N", type=int, default=0, help="of the episode (default: 0)")
         add("--fps", type=float, default=6.0, help="steps shown per second (default: 6)")
+        add("--drone", metavar="K", type=int, help="show what drone K knows, with radios")
         colours = "the map's colours (default: sea)"
         add("--palette", choices=PALETTES, default="sea", help=colours)
     else:

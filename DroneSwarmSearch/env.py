@@ -105,6 +105,8 @@ class DroneSwarmSearch(SearchSpaces):
         scenario: all parameters of the search, instead of these arguments.
         palette: the colours of the map: "sea" (pale to deep blue) or "classic" (dark red,
             yellow, bright green, as in the 2023 package).
+        render_drone: the number of the drone whose map is drawn; None for that of all drones
+            together. They differ with a `radio_range` only.
 
     Raises:
         TypeError: an argument is of the wrong type.
@@ -142,6 +144,7 @@ class DroneSwarmSearch(SearchSpaces):
         search_in_flight: bool = False,
         scenario: Scenario | None = None,
         palette: str = "sea",
+        render_drone: int | None = None,
     ) -> None:
         super().__init__()
         self._scenario = resolve_scenario(
@@ -168,6 +171,10 @@ class DroneSwarmSearch(SearchSpaces):
         self.render_gradient = checks.boolean("render_gradient", render_gradient)
         checks.choice("palette", palette, tuple(PALETTES))
         self.palette = palette
+        self.render_drone = render_drone
+        if render_drone is not None:
+            last = self._scenario.n_drones - 1
+            self.render_drone = checks.integer("render_drone", render_drone, 0, last)
         look = Look(render_grid, render_gradient, palette)
         self._display = Display(self.grid_size, look, fps=self.metadata["render_fps"])
 
@@ -254,7 +261,7 @@ class DroneSwarmSearch(SearchSpaces):
         self._drones.start(cells)
         self.agents = list(self._names)
         if self.render_mode == "human":
-            self._display.show(self.frame())
+            self._display.show(self.frame(self.render_drone))
         facts = (None, self._world.missing, self._world.persons, 0, self._world.success)
         observed = observe(
             self._names,
@@ -317,7 +324,7 @@ class DroneSwarmSearch(SearchSpaces):
         flags = self._flags[ending is not None]
         # 4. The drones observe the new state.
         if self.render_mode == "human":
-            self._display.show(self.frame())
+            self._display.show(self.frame(self.render_drone))
         facts = (ending, world.missing, world.persons, world.step, world.success)
         observations, infos = observe(
             self._names,
@@ -345,12 +352,12 @@ class DroneSwarmSearch(SearchSpaces):
         if self.render_mode is None:
             warnings.warn("render() does nothing without a render_mode", stacklevel=2)
             return None
-        return self._display.render(self.frame(), self.render_mode)
+        return self._display.render(self.frame(self.render_drone), self.render_mode)
 
     def _repr_png_(self) -> bytes | None:
         """The current state as a picture for notebooks; None before the first `reset`."""
         try:
-            return self._display.png(self.frame())
+            return self._display.png(self.frame(self.render_drone))
         except ResetNeeded:
             return None
 

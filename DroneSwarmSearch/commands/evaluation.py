@@ -14,7 +14,7 @@ from pathlib import Path
 
 from DroneSwarmSearch import policies
 from DroneSwarmSearch._internal.text import plural
-from DroneSwarmSearch.commands.searches import named_search
+from DroneSwarmSearch.commands.searches import check_drone, named_search
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.evaluation import board, exporting, recording
@@ -116,6 +116,7 @@ def bound(options: argparse.Namespace) -> None:
 def record(options: argparse.Namespace) -> None:
     """Record a video."""
     search = named_search(options.search)
+    check_drone(options.drone, search)
     video = recording.record(
         options.policy,
         search,
@@ -124,6 +125,7 @@ def record(options: argparse.Namespace) -> None:
         view=view_from(options),
         fps=options.fps,
         palette=options.palette,
+        drone=options.drone,
     )
     print(f"{options.out}: {options.policy} searching {search.name}\n{video.last.outcome}")
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.cells import cell_number, cell_position
 from DroneSwarmSearch.commands.evaluation import add_view, view_from
-from DroneSwarmSearch.commands.searches import named_search
+from DroneSwarmSearch.commands.searches import check_drone, named_search
 from DroneSwarmSearch.core.frame import Frame
 from DroneSwarmSearch.core.grid import OFF_GRID, Grid
 from DroneSwarmSearch.core.named_search import NamedSearch
@@ -20,7 +20,7 @@ from DroneSwarmSearch.core.observations import Observation
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
-from DroneSwarmSearch.evaluation.recording import record
+from DroneSwarmSearch.evaluation.recording import frames_by_drone, record
 from DroneSwarmSearch.evaluation.stage import prepared, steering, view_of
 from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.palette import PALETTES, Look
@@ -58,6 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--hide-person", action="store_true", help="do not show missing persons")
     add("--fps", type=float, default=6.0, help="steps shown per second (default: 6)")
     add("--palette", choices=PALETTES, default="sea", help="the map's colours (default: sea)")
+    add("--drone", metavar="K", type=int, help="show what drone K knows, in a search with radios")
 
     policies = f"{', '.join(POLICIES)}, or your own as for `evaluate` (default: {USUAL_POLICY})"
     add_view(parser)
@@ -80,6 +81,7 @@ def run(options: argparse.Namespace) -> None:
         options.seed = USUAL_SEED if options.search is None else 0
     checks.real("--fps", options.fps, FPS_LEAST, FPS_MOST)
     found = named_search(options.search or USUAL_SEARCH)
+    check_drone(options.drone, found)
     print(textwrap.fill(f"{found.name}: {found.reason}", WIDTH) + "\n", flush=True)
     if options.record is not None:
         video = record(
@@ -90,11 +92,13 @@ def run(options: argparse.Namespace) -> None:
             view=view_from(options),
             fps=options.fps,
             palette=options.palette,
+            drone=options.drone,
         )
         last = video.last
     elif options.text or not _play_in_window(options, found):
         episode = _Episode(found, options, options.seed)
-        print_frames(episode.frames(), options.fps)
+        shown = (frame.seen_by(options.drone) for frame in episode.frames())
+        print_frames(shown, options.fps)
         last = episode.frame
     else:
         return
@@ -154,7 +158,8 @@ class _Episode:
         frame = self._env.frame()
         hides = self._hide_person and frame.ending is None
         frame = replace(frame, policy=self._label, hide_persons=hides, flown=self._flown)
-        return replace(frame, scale=self.search.scale, land=self.search.land)
+        frame = replace(frame, scale=self.search.scale, land=self.search.land)
+        return replace(frame, by_drone=frames_by_drone(self._env))
 
 
 def _print_summary(
@@ -229,7 +234,9 @@ def _play_in_window(options: argparse.Namespace, search: NamedSearch) -> bool:
         return recording
 
     try:
-        show_result(window.play(Player(begin, seed=options.seed, fps=options.fps)))
+        show_result(
+            window.play(Player(begin, seed=options.seed, fps=options.fps, viewer=options.drone))
+        )
     finally:
         window.close()
     return True

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch.core.named_search import NamedSearch, read_json
 from DroneSwarmSearch.evaluation.suite import search
 from DroneSwarmSearch.incident.incident import Incident
@@ -28,6 +29,17 @@ def named_search(name: str) -> NamedSearch:
         scenario.persons or (), scenario.grid_size, scenario.timestep_limit, stacklevel=2
     )
     return found
+
+
+def check_drone(drone: int | None, search: NamedSearch) -> None:
+    """Raise a ValueError unless a drone's map, if there is one, differs from the others' maps."""
+    if drone is None:
+        return
+    if search.scenario.radio_range is None:
+        raise ValueError(
+            f"--drone: in {search.name}, all drones know the same, as it has no radio_range"
+        )
+    checks.integer("--drone", drone, 0, search.scenario.n_drones - 1)
 
 
 def _of_incident(path: Path) -> NamedSearch | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,7 @@ class Frame:
         land: (x, y) of the cells on land.
         viewer: the number of the drone whose map this is; None for that of all drones together.
         links: the pairs of drones in radio range; None if all drones always hear each other.
+        by_drone: the same moment with each drone's map; empty if they are not known, or alike.
     """
 
     matrix: NDArray[np.float32]
@@ -74,6 +75,16 @@ class Frame:
     shared_drift: bool = False
     viewer: int | None = None
     links: tuple[tuple[int, int], ...] | None = None
+    by_drone: tuple[Frame, ...] = ()
+
+    def seen_by(self, drone: int | None) -> Frame:
+        """With the map of one drone, if it is known; with None, the frame itself."""
+        if drone is None or drone >= len(self.by_drone):
+            return self
+        own = self.by_drone[drone]
+        return replace(
+            self, matrix=own.matrix, prior=own.prior, hypotheses=own.hypotheses, viewer=drone
+        )
 
     @property
     def grid_size(self) -> int:

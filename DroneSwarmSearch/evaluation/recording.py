@@ -58,6 +58,7 @@ def record(
     fps: float = 6.0,
     title: str | None = None,
     palette: str = "sea",
+    drone: int | None = None,
 ) -> Video:
     """Record a video of one episode: what the searches so far leave of the probability.
 
@@ -74,6 +75,7 @@ def record(
         fps: steps shown per second, from 0.1 to 50.
         title: the story, in two lines; None: the beginning of the search's `reason`.
         palette: the colours of the map, "sea" or "classic".
+        drone: the number of the drone whose map is shown; None for that of all drones together.
 
     Raises:
         ImportError: the package of the extra "video" is missing.
@@ -86,6 +88,10 @@ def record(
     spec = PolicySpec.of(policy, name)
     where = as_named(search)
     first = checks.integer("seed", seed, 0)
+    if drone is not None:
+        drone = checks.integer("drone", drone, 0, where.scenario.n_drones - 1)
+        if where.scenario.radio_range is None:
+            raise ValueError(f"drone needs a search with a radio_range, got drone={drone}")
     seen = view_of(spec, where, view)
     where = where.with_posterior(seen.bayesian_update)
     try_folder(target.parent)
@@ -95,7 +101,9 @@ def record(
     def frames() -> Iterator[Frame]:
         nonlocal last
         for frame, _ in play(made, where, first, seen):
-            last = replace(frame, policy=spec.name, scale=where.scale, land=where.land)
+            last = replace(
+                frame.seen_by(drone), policy=spec.name, scale=where.scale, land=where.land
+            )
             bar(frame.step)
             yield last
 
@@ -104,6 +112,13 @@ def record(
         write_video(target, frames(), Look(palette=palette), title=story, fps=rate, hold=HOLD)
     assert last is not None
     return Video(target, last)
+
+
+def frames_by_drone(env: DroneSwarmSearch) -> tuple[Frame, ...]:
+    """The current frame with each drone's map; empty if all drones have the same."""
+    if env.scenario.radio_range is None:
+        return ()
+    return tuple(env.frame(drone) for drone in range(env.n_drones))
 
 
 def play(
@@ -125,7 +140,8 @@ def play(
     while True:
         prior, posterior = (env.frame() for env in envs)
         total = (prior, posterior)[search.scenario.bayesian_update].total_return
-        yield replace(posterior, prior=prior.matrix, total_return=total), chosen
+        frame = replace(posterior, prior=prior.matrix, total_return=total)
+        yield replace(frame, by_drone=frames_by_drone(envs[1])), chosen
         if not envs[0].agents:
             return
         actions = act()

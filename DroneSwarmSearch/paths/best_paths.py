@@ -22,6 +22,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
 from DroneSwarmSearch.core.grid import neighbours_in_box
+from DroneSwarmSearch.core.rules import BLOCK, PASS
 
 FORBIDDEN = -np.inf  # the value of a cell that a drone must not be in
 
@@ -137,3 +138,38 @@ def best_paths(
         searches[step] = True if in_flight else just_searched & (gain > 0.0)
         cells[step + 1] = here = ahead[chosen, np.arange(len(here))]
     return cells, searches
+
+
+def path_beside_others(
+    gains: Floats,
+    start: int,
+    *,
+    before: Sequence[DronePath],
+    waiting: Sequence[int],
+    crash: str,
+    in_flight: bool,
+) -> DronePath:
+    """The path of one drone that gains most, beside those of others.
+
+    Args:
+        gains: of searching a cell in a step: (n, N, N). A search right after one of the same cell
+            gains nothing.
+        start: the drone's first cell.
+        before: the paths of drones with lower numbers.
+        waiting: the cells of drones with higher numbers, which have no paths yet.
+        crash: what happens to drones that meet, see `core.rules`.
+        in_flight: as in `values_to_go`.
+    """
+    steps, size, _ = gains.shape
+    taken = [*(path.cells[1:] for path in before), *(np.full(steps, cell) for cell in waiting)]
+    if crash == PASS:
+        taken = []
+    elif crash == BLOCK:  # out of the way before the others move
+        taken += [np.append(path.cells[2:], path.cells[-1]) for path in before]
+    blocked = [[(0, cells)] for cells in np.array(taken, np.int64).reshape(-1, steps).T]
+    single = gains[:, None]  # (n, 1, N, N)
+    again = np.zeros_like(single)
+    values = values_to_go(single, np.zeros((size, size)), blocked, again, in_flight)
+    first = np.zeros(1, np.int64)
+    cells, searches = best_paths(single, values, np.array([start]), first, again, in_flight)
+    return DronePath(cells[:, 0], searches[:, 0])

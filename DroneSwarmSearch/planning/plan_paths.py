@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Floats, Ints
+from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.progress import progress
-from DroneSwarmSearch.core.rules import BLOCK, PASS
 from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
-from DroneSwarmSearch.paths.best_paths import DronePath, best_paths, values_to_go
+from DroneSwarmSearch.paths.best_paths import DronePath, path_beside_others
 from DroneSwarmSearch.paths.joint_plan import JointPlan
 from DroneSwarmSearch.paths.passes import Target
 
@@ -188,29 +187,21 @@ def improved(
 
 def _one_by_one(known: Known, starts: Sequence[int]) -> list[DronePath]:
     """Paths that gain as much as possible, each given those before it."""
-    size = known.scenario.grid_size
-    later: list[Ints] = []  # the cells of the drones before, after each step
     paths: list[DronePath] = []
     waiting = [
         DronePath(np.full(known.steps + 1, start), np.zeros(known.steps, np.bool_))
         for start in starts
     ]
     for number, start in enumerate(starts):
-        plan = known.plan(known.targets(), [*paths, *waiting[number:]])
-        gains = plan.gains()[:, None]  # (steps, 1, N, N)
         # The drones that have no path yet stand in their start cells for now.
-        taken = [*later, *[np.full(known.steps, cell) for cell in starts[number + 1 :]]]
-        if known.scenario.crash == PASS:
-            taken = []
-        elif known.scenario.crash == BLOCK:  # out of the way before the others move
-            taken += [np.append(cells[1:], cells[-1]) for cells in later]
-        blocked = [[(0, cells)] for cells in np.array(taken, np.int64).reshape(-1, known.steps).T]
-        # A search right after one of the same cell gains nothing.
-        again = np.zeros_like(gains)
-        in_flight = known.scenario.search_in_flight
-        values = values_to_go(gains, np.zeros((size, size)), blocked, again, in_flight)
-        first = np.zeros(1, np.int64)
-        cells, searches = best_paths(gains, values, np.array([start]), first, again, in_flight)
-        paths.append(DronePath(cells[:, 0], searches[:, 0]))
-        later.append(cells[1:, 0])
+        plan = known.plan(known.targets(), [*paths, *waiting[number:]])
+        path = path_beside_others(
+            plan.gains(),
+            start,
+            before=paths,
+            waiting=starts[number + 1 :],
+            crash=known.scenario.crash,
+            in_flight=known.scenario.search_in_flight,
+        )
+        paths.append(path)
     return paths

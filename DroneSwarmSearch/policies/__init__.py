@@ -32,6 +32,7 @@ from DroneSwarmSearch.policies.patterns import (
 )
 from DroneSwarmSearch.policies.planner import PlannerPolicy
 from DroneSwarmSearch.policies.random_policy import RandomPolicy
+from DroneSwarmSearch.policies.rollout import RolloutPolicy
 
 __all__ = [
     "DEFAULT_WEIGHTS",
@@ -49,6 +50,7 @@ __all__ = [
     "PlannerPolicy",
     "PosteriorGreedyPolicy",
     "RandomPolicy",
+    "RolloutPolicy",
     "SectorSearchPolicy",
     "SwarmPolicy",
     "make",
@@ -64,6 +66,7 @@ POLICIES: dict[str, Callable[[Scenario], BatchPolicy]] = {
     "greedy-matrix": GreedyPolicy,
     "greedy-posterior": PosteriorGreedyPolicy,
     "greedy-forecast": ForecastGreedyPolicy,
+    "rollout": RolloutPolicy,
     "imitation": ImitationPolicy,
     "planner": PlannerPolicy,
 }

@@ -15,7 +15,9 @@ from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.core.grid import Cell, Grid
 from DroneSwarmSearch.core.moves import moved, searched
+from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
+from DroneSwarmSearch.paths.best_paths import DronePath
 from DroneSwarmSearch.policies.base import ALL, SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
 
@@ -136,3 +138,18 @@ class OpenLoopPolicy(SwarmPolicy):
             return min(detection * float(belief[cells].sum()), 1.0)
         missed = 1.0 - detection
         return min(sum(float(belief[cell]) * (1.0 - missed**n) for cell, n in times.items()), 1.0)
+
+
+def steps_of(paths: Sequence[DronePath], grid: Grid) -> list[PlanStep]:
+    """The plan along every drone's path."""
+    steps: list[PlanStep] = []
+    for step, searches in enumerate(zip(*(path.searches for path in paths), strict=True)):
+        here, ahead = np.array([path.cells[step : step + 2] for path in paths]).T.tolist()
+        actions = [
+            int(Action.SEARCH if searching else Action.IDLE)
+            if cell == target
+            else grid.neighbours[cell].index(target)
+            for searching, cell, target in zip(searches, here, ahead, strict=True)
+        ]
+        steps.append(([grid.positions[cell] for cell in here], actions))
+    return steps

@@ -28,6 +28,7 @@ from DroneSwarmSearch.policies.open_loop import (
     Act,
     OpenLoopPolicy,
     PlanStep,
+    steps_of,
 )
 from DroneSwarmSearch.policies.patterns import (
     CreepingLinePolicy,
@@ -96,7 +97,8 @@ class PlannerPolicy(OpenLoopPolicy):
         if tracker.step % HORIZON:
             seconds *= AFTER_FIND
         with progress("planning", 1.0) as on_progress:
-            return self._steps(improved(self._known(tracker), initial, seconds, on_progress))
+            paths = improved(self._known(tracker), initial, seconds, on_progress)
+        return steps_of(paths, self._grid)
 
     def _initial(self, tracker: BeliefTracker, cells: list[Cell]) -> list[list[PlanStep]]:
         """The paths of other policies."""
@@ -129,20 +131,6 @@ class PlannerPolicy(OpenLoopPolicy):
             DronePath(*arrays)
             for arrays in zip(np.array(cells).T, np.array(searches).T, strict=True)
         ]
-
-    def _steps(self, paths: list[DronePath]) -> list[PlanStep]:
-        """The plan along every drone's path."""
-        steps: list[PlanStep] = []
-        for step, searches in enumerate(zip(*(path.searches for path in paths), strict=True)):
-            here, ahead = np.array([path.cells[step : step + 2] for path in paths]).T.tolist()
-            actions = [
-                int(Action.SEARCH if searching else Action.IDLE)
-                if cell == target
-                else self._grid.neighbours[cell].index(target)
-                for searching, cell, target in zip(searches, here, ahead, strict=True)
-            ]
-            steps.append(([self._grid.positions[cell] for cell in here], actions))
-        return steps
 
 
 def _acting(policy: SwarmPolicy) -> Act:

@@ -145,6 +145,10 @@ class Painter:
             _draw_outcome(canvas, frame, pygame.Rect(left, 10, right - left, HEAD - 18))
         elif len(self._map_areas) == 1:
             caption = CAPTIONS[frame.prior is not None]
+            if frame.viewer is not None:
+                caption = f"what drone {frame.viewer} knows"
+            elif frame.links is not None:
+                caption = "what all drones together know"
             line = fitted_line(caption, CAPTION_FONT, right - left, GREY)
             anchor = {"midright": (right, HEAD // 2)}
             if not frame.policy:

@@ -14,6 +14,7 @@ Colour = tuple[int, int, int]
 PAPER: Colour = (250, 250, 248)
 INK: Colour = (24, 32, 44)
 GREY: Colour = (112, 120, 132)
+LINK: Colour = (214, 140, 32)  # between drones in radio range
 FAINT: Colour = (218, 221, 226)
 WHITE: Colour = (255, 255, 255)
 PROGRESS: Colour = (52, 92, 148)

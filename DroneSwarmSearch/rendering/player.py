@@ -33,6 +33,7 @@ WATCHING = (
 )
 FLYING = (("Arrows", "fly drone 0"), ("Space", "search"), ("I", "wait"))
 ALWAYS = (("P", "prior"), ("N", "new seed"), ("Esc", "quit"))
+BY_RADIO = (("M", "map of each drone"),)
 
 
 class Score(NamedTuple):
@@ -112,11 +113,20 @@ class Player:
     """Plays recordings, which `begin` starts by their seed: forward, step by step, and back.
 
     `speed` is a factor on the steps per second, `fps`; `hint` says why the last key did nothing.
+    `viewer` is the number of the drone whose map is shown, None for that of all together.
     """
 
-    def __init__(self, begin: Callable[[int], Recording], *, seed: int, fps: float) -> None:
+    def __init__(
+        self,
+        begin: Callable[[int], Recording],
+        *,
+        seed: int,
+        fps: float,
+        viewer: int | None = None,
+    ) -> None:
         self._begin = begin
         self._fps = fps
+        self.viewer = viewer
         self.view = "matrix"
         self.speed = 1.0
         self.quits = False
@@ -135,7 +145,8 @@ class Player:
         frames = self.recording.frames
         number = math.floor(self._position)
         progress = self._position - number
-        return frames[number], frames[number + 1] if progress else None, progress
+        after = frames[number + 1] if progress else None
+        return frames[number].seen_by(self.viewer), after, progress
 
     @property
     def _is_at_last(self) -> bool:
@@ -169,7 +180,13 @@ class Player:
     def keys(self) -> tuple[tuple[str, str], ...]:
         """The keys that do something now, and what."""
         again = "R", "fly again" if self.recording.is_flight else "replay"
-        return (*(FLYING if self.recording.flies else WATCHING), again, *ALWAYS)
+        by_radio = BY_RADIO if self._drones else ()
+        return (*(FLYING if self.recording.flies else WATCHING), again, *by_radio, *ALWAYS)
+
+    @property
+    def _drones(self) -> int:
+        """The number of drones that have maps of their own."""
+        return len(self.recording.frames[0].by_drone)
 
     def press(self, key: str) -> None:
         """React to a key by its name in pygame."""
@@ -178,6 +195,9 @@ class Player:
             self.quits = True
         elif key in ("p", "tab"):
             self.view = "both" if self.view == "matrix" else "matrix"
+        elif key == "m" and self._drones:
+            following = 0 if self.viewer is None else self.viewer + 1
+            self.viewer = None if following == self._drones else following
         elif key == "n" or (key == "r" and self.recording.is_flight):
             self.recording.is_stopped = True
             self._start(self.seed + (key == "n"))

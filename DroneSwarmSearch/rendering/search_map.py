@@ -22,6 +22,7 @@ from DroneSwarmSearch.rendering.palette import (
     GREY,
     INK,
     LAND,
+    LINK,
     NOT_FOUND,
     PROGRESS,
     WHITE,
@@ -59,6 +60,7 @@ RING_MARGIN = 8
 HALO_SIZE = 1.85  # of the disc behind the drone that you fly, in relation to it
 COLLISION_SIZE = 2.5  # of the star of a collision, in relation to a drone
 # width; least width; last move
+LINK_SHARE = 0.06
 TRAIL_SHARE = 0.13
 TRAIL_LEAST = 4
 TRAIL_OPACITY = 230
@@ -96,6 +98,7 @@ class SearchMap:
         if self._look.grid:
             self._draw_lines(canvas)
         self._draw_trails(canvas, frame, drones)
+        self._draw_links(canvas, frame, drones)
         self._draw_searched(canvas, frame)
         self._draw_symbols(canvas, frame, end, drones, persons)
         if frame.ending is not None:
@@ -192,6 +195,15 @@ class SearchMap:
                     move.inflate_ip(width + 2 * rim, width + 2 * rim)
                     overlay.fill((*colour, _faded(age) * TRAIL_OPACITY // 255), move)
         canvas.blit(overlay, (LEFT, TOP))
+
+    def _draw_links(self, canvas: pygame.Surface, frame: Frame, drones: Positions) -> None:
+        """Lines between drones in radio range; with one drone's map, only from this drone."""
+        width = max(2, round(LINK_SHARE * self._pitch))
+        for pair in frame.links or ():
+            if frame.viewer is None or frame.viewer in pair:
+                start, end = (self._centre(*drones[drone]) for drone in pair)
+                pygame.draw.line(canvas, WHITE, start, end, width + 2)
+                pygame.draw.line(canvas, LINK, start, end, width)
 
     # Drones and persons.
 

@@ -105,6 +105,11 @@ def _header(frame: Frame, columns: int) -> list[str]:
         status.append(f"found {sum(frame.found)}/{len(frame.persons)}")
     if frame.probability_of_success is not None:
         status.append(f"POS {frame.probability_of_success:.1%}")
+    if frame.viewer is not None:
+        status.append(f"what drone {frame.viewer} knows")
+    if frame.links is not None:
+        heard = ", ".join(f"{first}-{second}" for first, second in frame.links)
+        status.append(f"in range: {heard or 'nobody'}")
     lines = _joined(status, columns)
     for person in frame.uncertain_persons:
         weights = " ".join(f"{weight:.0%}" for weight in frame.hypotheses[person])
