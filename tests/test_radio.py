@@ -1,5 +1,6 @@
 """Radios that end: what each drone knows, in engines, observations and policies: `radio_range`."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,8 +8,24 @@ import pytest
 from sea import SEARCH, Enumeration, moves_apart, wreck
 from twins import Twins, play
 
-from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, RewardScheme, Scenario
+from DroneSwarmSearch import (
+    Action,
+    Drift,
+    DroneSwarmSearch,
+    Person,
+    RewardScheme,
+    Scenario,
+    cli,
+    policies,
+)
+from DroneSwarmSearch.core import Grid, NamedSearch
 from DroneSwarmSearch.core.collision_avoidance import action_masks
+from DroneSwarmSearch.evaluation import evaluate
+from DroneSwarmSearch.evaluation.recording import frames_by_drone
+from DroneSwarmSearch.evaluation.rollout import roll_out
+from DroneSwarmSearch.layouts.view import View
+from DroneSwarmSearch.rendering.painter import Painter
+from DroneSwarmSearch.rendering.player import Player, Recording
 from DroneSwarmSearch.vector import DroneVectorEnv, SwarmVectorEnv
 from DroneSwarmSearch.wrappers import (
     ActionMask,
@@ -279,3 +296,139 @@ def test_masks_know_only_of_drones_in_range():
             cells = rng.permutation(25)[:3]
             masks = action_masks(cells, 5, right_of_way)
             assert (masks == action_masks(cells, 5, right_of_way, heard=everybody)).all()
+
+
+# Policies.
+
+
+def wide(**changes: Any) -> Scenario:
+    return wreck(2, size=9, n_drones=3, crash="block", timestep_limit=40, **changes)
+
+
+STARTS = [(1, 1), (4, 4), (7, 7)]
+OWN = ["greedy-matrix", "greedy-posterior", "greedy-forecast", "rollout"]
+
+
+@pytest.mark.parametrize("policy", OWN)
+def test_without_radio_each_drone_acts_as_if_it_were_alone(policy):
+    """As long as no drone finds or blocks anybody."""
+    unfound = [replace(person, probability_of_detection=0.05) for person in wide().persons_to_find]
+    scenario = wide(radio_range=0).replace(persons=unfound)
+    env = DroneSwarmSearch(scenario=scenario)
+    observations, _ = env.reset(seed=0, drones_positions=STARTS)
+    swarm = policies.make(policy, scenario)
+    alone = [policies.make(policy, scenario.replace(n_drones=1)) for _ in STARTS]
+    met = False
+    for _ in range(25):
+        actions = swarm(observations)
+        for number, single in enumerate(alone):
+            own = {"drone0": observations[f"drone{number}"]}
+            assert met or single(own) == {"drone0": actions[f"drone{number}"]}
+        before = env.snapshot().cells
+        observations, _, _, _, infos = env.step(actions)
+        after = env.snapshot().cells
+        pairs = zip(before, actions.values(), strict=True)
+        wanted = [Grid.of(9).neighbours[cell][action] for cell, action in pairs]
+        met |= wanted != after or infos["Found"]
+    assert not infos["Found"]
+
+
+@pytest.mark.parametrize("policy", OWN)
+def test_drones_that_hear_all_act_as_without_radios(policy):
+    far = wide(radio_range=30)
+    envs = [DroneSwarmSearch(scenario=each) for each in (far, far.replace(radio_range=None))]
+    for seed in range(3):
+        seen = [env.reset(seed=seed, drones_positions=STARTS)[0] for env in envs]
+        flown = [policies.make(policy, env.scenario) for env in envs]
+        while envs[0].agents:
+            actions = [each(own) for each, own in zip(flown, seen, strict=True)]
+            assert actions[0] == actions[1]
+            seen = [env.step(actions[0])[0] for env in envs]
+
+
+@pytest.mark.parametrize("policy", [*OWN, "random", "parallel-sweep", "imitation"])
+def test_one_search_is_steered_as_in_a_batch(policy):
+    scenario = wide(radio_range=2)
+    results = [
+        evaluate(policy, NamedSearch("wreck", "A test.", scenario, STARTS), episodes=6, view=view)
+        for view in ("swarm", "parallel")
+    ]
+    assert results[0].success.value == results[1].success.value
+    assert results[0].endings == results[1].endings
+
+
+def test_yardsticks_refuse_what_single_drones_know():
+    env = DroneSwarmSearch(scenario=wide(radio_range=2))
+    observations, _ = env.reset(seed=0)
+    with pytest.raises(ValueError, match="ImitationPolicy acts on what all drones know"):
+        policies.make("imitation", env.scenario)(observations)
+
+
+def test_rollout_and_radio_find_more():
+    """In a wreck that may have drifted in eight directions."""
+    vectors = [(np.cos(angle), np.sin(angle)) for angle in np.arange(8) * np.pi / 4]
+    drifts = [
+        Drift((7, 7), vector=(0.3 * x, 0.3 * y), diffusion=0.03, adrift=15) for x, y in vectors
+    ]
+    together = Scenario(
+        15, 3, persons=[Person(drifts, 0.9)] * 4, shared_drift=True, bayesian_update=True,
+        crash="block", timestep_limit=40,
+    )  # fmt: skip
+    starts = [(6, 7), (7, 6), (8, 7)]
+
+    def found(policy: str, scenario: Scenario) -> float:
+        search = NamedSearch("wreck", "A test.", scenario, starts)
+        episodes = roll_out(
+            policies.make(policy, scenario), search, range(60), View("swarm"), wants_curves=False
+        )
+        return float((episodes.found_at > 0).mean())
+
+    greedy = found("greedy-posterior", together)
+    rollout = found("rollout", together)
+    alone = found("rollout", together.replace(radio_range=0))
+    assert rollout > greedy + 0.03
+    assert rollout > 1.2 * alone
+
+
+# Pictures.
+
+
+def test_pictures_show_one_drones_map_and_the_links():
+    env = DroneSwarmSearch(scenario=far_apart(), render_mode="ansi", render_drone=2)
+    env.reset(seed=5, drones_positions=[(0, 1), (1, 2), (5, 5)])
+    for _ in range(3):
+        env.step({"drone0": SEARCH, "drone1": SEARCH, "drone2": SEARCH})
+    assert "what drone 2 knows | in range: 0-1" in " ".join(env.render().split())
+    frames = frames_by_drone(env)
+    assert [frame.viewer for frame in frames] == [0, 1, 2]
+    frame = replace(env.frame(), by_drone=frames)
+    assert frame.seen_by(2).matrix is frames[2].matrix
+    assert frame.seen_by(None) is frame
+    assert frame.links == ((0, 1),)
+    painter = Painter(7)
+    pictures = [painter.pixels(each) for each in (frame, *frames)]
+    assert len({picture.tobytes() for picture in pictures}) == 4
+    assert frames_by_drone(DroneSwarmSearch.example()) == ()
+
+
+def test_a_key_shows_each_drones_map_in_turn():
+    env = DroneSwarmSearch(scenario=far_apart())
+    env.reset(seed=5, drones_positions=[(0, 1), (1, 2), (5, 5)])
+    frame = replace(env.frame(), by_drone=frames_by_drone(env))
+    player = Player(lambda seed: Recording(iter([frame])), seed=0, fps=6)
+    shown = []
+    for _ in range(5):
+        shown.append(player.moment[0].viewer)
+        player.press("m")
+    assert shown == [None, 0, 1, 2, None]
+    assert ("M", "map of each drone") in player.keys
+
+
+@pytest.mark.parametrize("command", [["play", "--text"], ["record", "--out", "a.gif"]])
+def test_a_drones_map_needs_radios(command, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    name, *options = command
+    with pytest.raises(SystemExit):
+        cli.main([name, "classic", *options, "--drone", "1"])
+    assert "--drone: in classic, all drones know the same" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

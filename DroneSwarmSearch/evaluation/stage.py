@@ -123,8 +123,9 @@ class Stage:
         layout = observations["observation"] if self._view.action_mask else observations
         size = self._size
         # one for all drones, or one for each
-        matrices = layout["probability_matrix"][0].reshape(-1, size, size)
-        matrices.flags.writeable = False
+        shown = layout["probability_matrix"][0].reshape(-1, size, size)
+        shown.flags.writeable = False
+        matrices = [*shown]
         seen: dict[str, Any] = {}
         for drone, cell in enumerate(layout["positions"][0].tolist()):
             matrix = matrices[drone % len(matrices)]

@@ -91,8 +91,10 @@ class BatchPolicy(ABC):
         seen = [observation["observation"] for observation in observations.values()]
         positions = np.array([[cell for cell, _ in seen]])
         self._check_shape("observations", positions, self.scenario.n_drones, 2)
-        if self.scenario.radio_range is None:
-            matrices = seen[0][1][None]
+        first = seen[0][1]
+        is_common = all(matrix is first for _, matrix in seen)
+        if self.scenario.radio_range is None or (self.knows == ALL and is_common):
+            matrices = first[None]
         else:
             matrices = np.array([[matrix for _, matrix in seen]])
         self._check_maps("matrix", matrices)
