@@ -20,10 +20,11 @@ from __future__ import annotations
 import csv
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from statistics import NormalDist
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -35,7 +36,7 @@ from DroneSwarmSearch.geo.scale import Scale
 from DroneSwarmSearch.persons.hypotheses import MAX_DIFFUSION, Drift, displaced
 from DroneSwarmSearch.persons.person import Person, warn_of_mass_beyond
 
-__all__ = ["CLASSES", "ObjectClass", "person"]
+__all__ = ["CLASSES", "ObjectClass", "person", "persons"]
 
 DIFFUSIVITY = 5.0  # of the turbulent sea, in m²/s
 JIBING = 0.04  # the probability that an object changes sides in an hour
@@ -254,6 +255,151 @@ def person(
     if grid_size is not None and timestep_limit is not None:
         warn_of_mass_beyond([result], grid_size, timestep_limit, stacklevel=2)
     return result
+
+
+def persons(
+    object_classes: Sequence[str | ObjectClass],
+    *,
+    start: Pair,
+    position_sd: float = 0.0,
+    wind: Pair | Mapping[float, Pair],
+    wind_sd: float = 0.0,
+    current: Pair | Mapping[float, Pair] = (0.0, 0.0),
+    current_sd: float = 0.0,
+    diffusivity: float = DIFFUSIVITY,
+    adrift: float = 0.0,
+    jibing: float = JIBING,
+    scale: Scale,
+    probability_of_detection: float = 1.0,
+    hypotheses: int = 16,
+) -> list[Person]:
+    """Persons, rafts and boats of one wreck, in one sea whose wind and current are uncertain.
+
+    Each hypothesis is a wind and a current, the same for all, with equal weights: hypothesis k of
+    each person is what they do with that object, for `Scenario.shared_drift`::
+
+        group = leeway.persons(
+            ["PIW-1", "PIW-1", "LIFE-RAFT-NB-1"],
+            start=(30, 30),
+            wind=(8, 0),
+            wind_sd=2.5,
+            current=(0.2, 0.1),
+            current_sd=0.2,
+            adrift=3600,
+            scale=scale,
+        )
+        scenario = Scenario(60, 4, persons=group, shared_drift=True, bayesian_update=True)
+
+    The side of the wind to which an object drifts is its own, so it is no part of the hypothesis:
+    the drift of each is normal, with the mean and the variances of both sides together.
+
+    Args:
+        object_classes: one for each person, as for `person`.
+        start: the last known position of all, as for `person`.
+        position_sd: as for `person`.
+        wind: as for `person`.
+        wind_sd: the standard deviation of the wind's error along each axis, in m/s; an error stays
+            the same for the whole search.
+        current: as for `person`.
+        current_sd: the same for the current.
+        diffusivity: as for `person`.
+        adrift: as for `person`.
+        jibing: as for `person`; only the map is wider by it.
+        scale: as for `person`.
+        probability_of_detection: of a search of the cell of any of them, from 0 to 1.
+        hypotheses: how many winds and currents; at least 2. They are points of a quasi-random
+            sequence (M. Roberts, The unreasonable effectiveness of quasirandom sequences, 2018),
+            shifted and stretched to the right mean and covariance. Without errors there is one.
+
+    Raises:
+        TypeError: an argument is of the wrong type.
+        ValueError: an argument is out of its limits, see `person`.
+    """
+    what = "a sequence of object classes, one for each person"
+    kinds = [class_of(kind) for kind in checks.items("object_classes", object_classes, what)]
+    if not kinds:
+        raise ValueError(f"object_classes must be {what}, got {object_classes!r}")
+    if not isinstance(scale, Scale):
+        raise TypeError(f"scale must be a Scale, got {scale!r}")
+    per_hour = checks.real("jibing", jibing, 0, 1)
+    deviations = np.array(
+        [
+            *[checks.real("wind_sd", wind_sd, 0, _FASTEST)] * 2,
+            *[checks.real("current_sd", current_sd, 0, _FASTEST)] * 2,
+        ]
+    )
+    count = checks.integer("hypotheses", hypotheses, 2)
+    known = Drift(
+        start,
+        start_sd=scale.cells(checks.real("position_sd", position_sd, 0)),
+        diffusion=_diffusion(diffusivity, scale),
+        adrift=scale.whole_steps(checks.real("adrift", adrift, 0)),
+    )
+    winds, currents = _in_each_step(scale, wind=wind, current=current)
+    errors = np.zeros((1, 4))
+    if deviations.any():
+        errors = _normal_points(count) * deviations
+    group = []
+    for kind in kinds:
+        drifts = []
+        for error in errors:
+            both = _hypotheses(
+                kind,
+                winds + error[:2],
+                currents + error[2:],
+                scale,
+                known,
+                per_hour,
+                share=1.0,
+                split=False,
+            )
+            drifts.append(replace(_both_sides(both), weight=1.0 / len(errors)))
+        group.append(Person(tuple(drifts), probability_of_detection))
+    return group
+
+
+def _normal_points(count: int) -> Floats:
+    """Points of four dimensions with mean 0 and covariance 1, like those of a normal: (count, 4).
+
+    With few points, only the mean and the variances are exact.
+    """
+    dimensions = 4
+    root = 1.0  # the solution of x^5 = x + 1
+    for _ in range(64):
+        root = (1.0 + root) ** (1.0 / (dimensions + 1))
+    steps = root ** -np.arange(1.0, dimensions + 1.0)
+    uniform = (0.5 + np.outer(np.arange(1, count + 1), steps)) % 1.0
+    normal = NormalDist()
+    points = np.array([[normal.inv_cdf(number) for number in row] for row in uniform.tolist()])
+    points -= points.mean(axis=0)
+    if count > 2 * dimensions:
+        covariance = points.T @ points / count
+        points = points @ np.linalg.inv(np.linalg.cholesky(covariance)).T
+    else:
+        points /= points.std(axis=0)
+    shaped: Floats = points
+    return shaped
+
+
+def _both_sides(sides: list[Drift]) -> Drift:
+    """One drift with the mean and the variances of the displacements of equally likely ones."""
+    paths = np.array([np.cumsum(np.atleast_2d(side.vector), axis=0) for side in sides])
+    spreads = np.array(
+        [
+            np.cumsum(np.broadcast_to(np.atleast_2d(side.vector_sd), path.shape), axis=0)
+            for side, path in zip(sides, paths, strict=True)
+        ]
+    )
+    mean = paths.mean(axis=0)
+    variance = (spreads**2 + (paths - mean) ** 2).mean(axis=0)
+    spread = np.maximum.accumulate(np.sqrt(variance), axis=0)
+    diffusion = float(np.mean([side.diffusion for side in sides]))
+    return replace(
+        sides[0],
+        vector=np.diff(mean, axis=0, prepend=0.0),
+        vector_sd=np.diff(spread, axis=0, prepend=0.0),
+        diffusion=diffusion,
+    )
 
 
 def class_of(object_class: object) -> ObjectClass:
