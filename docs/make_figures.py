@@ -11,6 +11,7 @@ of matplotlib. `calibration`, `opendrift` and `speed` plot the measurements writ
     python benchmarks/bench_vector.py --json docs/figures/bench.json
 
 and `tracks` the outcome of `python docs/make_tracks.py --compare docs/figures/tracks.json`.
+`radio` plots `python examples/finds_that_teach.py --csv docs/figures/radio.csv`, see its page.
 `learning` plots the curves of the training examples, `docs/training/<example>-<seed>.csv`, with the
 baselines of `own_loop.csv`, see benchmarks/own_loop.py, and `results` the table of the
 leaderboard. All other figures are computed here, within seconds.
@@ -786,14 +787,14 @@ METHODS = {
 
 
 def suite_results() -> dict[str, Floats]:
-    """The success of every policy on each search of the suite, and the "bound"."""
+    """The success of every policy with rows on each search of the suite, and the "bound"."""
     found: dict[str, dict[str, float]] = {name: {} for name in ("bound", *POLICIES)}
     with LEADERBOARD.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             if row["policy"] in found:
                 found[row["policy"]][row["search"]] = float(row["success"])
                 found["bound"][row["search"]] = float(row["bound"])
-    return {name: np.array([*values.values()]) for name, values in found.items()}
+    return {name: np.array([*values.values()]) for name, values in found.items() if values}
 
 
 @figure("results")
@@ -1039,6 +1040,50 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
     ]
     beside.axis("off")
     beside.legend(handles=lines, loc="center", handlelength=1.5)
+    return chart
+
+
+RADIO_LINES = "rollout", "greedy-matrix", "greedy-posterior"
+
+
+@figure("radio")
+def radio(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw the persons found against the radio range, and what is found without one and with all.
+
+    From `python examples/finds_that_teach.py --csv docs/figures/radio.csv`, with its options.
+    """
+    with (FIGURES / "radio.csv").open(encoding="utf-8", newline="") as file:
+        rows = {(row["policy"], row["knows"]): row for row in csv.DictReader(file)}
+    ranges = ["0", "2", "4", "8", "16", "all"]
+    keys = [*(f"hears {reach} cells" for reach in ranges[:-1]), "hears all"]
+    chart = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    axes = chart.subplots()
+    for number, policy in enumerate(RADIO_LINES):
+        points = [rows[policy, key] for key in keys]
+        axes.errorbar(
+            range(len(ranges)),
+            [float(point["share"]) for point in points],
+            [float(point["error"]) for point in points],
+            color=theme.series[number],
+            marker="o",
+            markersize=4,
+            linewidth=1.4,
+            capsize=2,
+            label=policy,
+        )
+    levels = {
+        "greedy-posterior, the drift is known": rows["greedy-posterior", "the drift is known"],
+        "greedy-posterior, finds teach nothing": rows["greedy-posterior", "finds teach nothing"],
+    }
+    for style_of, (name, row) in zip(("-.", ":"), levels.items(), strict=True):
+        axes.axhline(float(row["share"]), color=theme.grey, linestyle=style_of, label=name)
+    axes.set_xticks(range(len(ranges)), ranges)
+    axes.set_xlabel("radio range in cells")
+    axes.set_ylabel("persons found")
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+    axes.set_ylim(0.0, 1.0)
+    axes.grid(axis="y")
+    chart.legend(loc="outside upper center", ncols=2, fontsize=8)
     return chart
 
 

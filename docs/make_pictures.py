@@ -26,6 +26,7 @@ from DroneSwarmSearch.rendering import sprites
 
 ROOT = Path(__file__).parents[1]
 IMAGES = ROOT / "docs" / "images"
+EXAMPLES = ROOT / "examples"
 
 FILMS = {
     "gale": ("greedy-forecast", 3),
@@ -33,6 +34,7 @@ FILMS = {
     "coast": ("greedy-forecast", 5),
     "fleet": ("greedy-posterior", 4),
     "wreck": ("imitation", 2),
+    "wreck-together": ("rollout", 0),
 }
 """The searches of the gallery: the policy and the seed of an episode that ends with a find."""
 
@@ -57,7 +59,9 @@ def video() -> None:
 def gallery() -> None:
     """Record a search of each kind."""
     for name, (policy, seed) in FILMS.items():
-        record(policy, name, IMAGES / f"gallery-{name}.gif", seed=seed, fps=16.0)
+        own = EXAMPLES / f"{name}.json"
+        where = str(own) if own.exists() else name
+        record(policy, where, IMAGES / f"gallery-{name}.gif", seed=seed, fps=16.0)
 
 
 def plan() -> None:

@@ -32,7 +32,7 @@ LAST = ["mission", "shared_drift", "crash", "radio_range", "search_in_flight"]
 def test_names_and_defaults_match_the_environment():
     of_environment = inspect.signature(DroneSwarmSearch).parameters
     of_scenario = inspect.signature(Scenario).parameters
-    own = {"render_mode", "render_grid", "render_gradient", "palette", "scenario"}
+    own = {"render_mode", "render_grid", "render_gradient", "palette", "scenario", "render_drone"}
     assert list(of_scenario) == [name for name in of_environment if name not in own]
     assert list(of_scenario) == [*OTHER, "persons", *LAST]
     assert Scenario() == DroneSwarmSearch().scenario

@@ -89,7 +89,7 @@ class FlyingDrones(RememberingDrones):
 
     def _best_ahead(self, values: Singles) -> Singles:
         """The best of the values after each action: (H, N, N)."""
-        best = values.take(self._flying.after[0], axis=0)
+        best: Singles = values.take(self._flying.after[0], axis=0)
         for after, (here, there) in zip(self._flying.after[1:], SHIFTS, strict=True):
             np.maximum(best[here], values.take(after, axis=0)[there], out=best[here])
         return best

@@ -137,4 +137,5 @@ class PlanesLayout(Layout):
             return
         x, y = np.moveaxis(heard.positions[:, drones, self._others], -1, 0)
         values = 1.0 - heard.ages[:, drones, self._others]
-        np.maximum.at(out, (searches[..., None], drones, 2, y, x), values)
+        where: Any = searches[..., None], drones, 2, y, x
+        np.maximum.at(out, where, values)

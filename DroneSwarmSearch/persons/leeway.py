@@ -383,13 +383,12 @@ def _normal_points(count: int) -> Floats:
 
 def _both_sides(sides: list[Drift]) -> Drift:
     """One drift with the mean and the variances of the displacements of equally likely ones."""
-    paths = np.array([np.cumsum(np.atleast_2d(side.vector), axis=0) for side in sides])
-    spreads = np.array(
-        [
-            np.cumsum(np.broadcast_to(np.atleast_2d(side.vector_sd), path.shape), axis=0)
-            for side, path in zip(sides, paths, strict=True)
-        ]
-    )
+    vectors: Any = [side.vector for side in sides]
+    deviations: Any = [side.vector_sd for side in sides]
+    paths = np.array([np.cumsum(np.atleast_2d(vector), axis=0) for vector in vectors])
+    steps = paths.shape[1:]
+    each = [np.broadcast_to(np.atleast_2d(deviation), steps) for deviation in deviations]
+    spreads = np.cumsum(each, axis=1)
     mean = paths.mean(axis=0)
     variance = (spreads**2 + (paths - mean) ** 2).mean(axis=0)
     spread = np.maximum.accumulate(np.sqrt(variance), axis=0)

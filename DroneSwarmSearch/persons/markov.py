@@ -203,7 +203,8 @@ def _checked_start(start: ArrayLike) -> Floats:
     if not np.isfinite(weights).all() or weights.min() < 0.0 or weights.max() == 0.0:
         raise ValueError("start must hold finite weights of at least 0, not all 0")
     weights = weights / weights.max()
-    return weights / weights.sum()
+    scaled: Floats = weights / weights.sum()
+    return scaled
 
 
 def _moves(name: str, transitions: Any) -> tuple[Moves, int]:
@@ -225,9 +226,9 @@ def _moves(name: str, transitions: Any) -> tuple[Moves, int]:
         raise ValueError(f"{name} must be {_WHAT}, got shape {shape}")
     _check_chances(name, chances, sources, size)
     keys, index = np.unique(sources * size**2 + targets, return_inverse=True)
-    chances = np.bincount(index, chances, len(keys))  # a sparse matrix may repeat entries
-    keys = keys[chances > 0.0]
-    chances = chances[chances > 0.0]
+    sums: Any = np.bincount(index, chances, len(keys))  # a sparse matrix may repeat entries
+    keys = keys[sums > 0.0]
+    chances = sums[sums > 0.0]
     sources, targets = np.divmod(keys, size**2)
     chances = chances / np.bincount(sources, chances, size**2)[sources]
     return Moves(sources, targets, chances), size

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Ints, Singles
 from DroneSwarmSearch._internal.cells import cell_number
-from DroneSwarmSearch.core.grid import Cell
+from DroneSwarmSearch.core.grid import Cell, Grid
 from DroneSwarmSearch.core.moves import searched
 from DroneSwarmSearch.core.observations import Observation
 from DroneSwarmSearch.core.radio import hearing
@@ -191,7 +191,7 @@ class SwarmPolicy(BatchPolicy):
         Args:
             memory: the memory of this search; change it in place.
             cells: every drone's (x, y); for a drone with a radio, those of the drones in range, by
-                number, its own among them.
+                number, its own among them, and last of one that has just blocked it unheard.
             matrix: float32, shape (N, N), indexed [y, x]; do not keep or change it.
         """
 
@@ -212,6 +212,7 @@ class SwarmPolicy(BatchPolicy):
             self._memories: dict[int, Any] = {}  # by group
             self._next_group = 0
             self._latest: Ints = np.empty((0, n), np.int64)  # the last actions, by row
+            self._cells: Ints = np.empty((0, n), np.int64)  # where they were taken
             return
         known = rows[rows < len(self._latest)]
         self._latest[known] = _NO_ACTION
@@ -239,7 +240,14 @@ class SwarmPolicy(BatchPolicy):
         own = np.arange(n) if each == n else np.zeros(n, np.int64)
         actions: Ints = chosen.reshape(len(rows), each, n)[:, own, np.arange(n)]
         self._latest[rows] = actions
+        self._cells[rows] = self._numbers(positions)
         return actions
+
+    def _numbers(self, positions: NDArray[np.integer]) -> Ints:
+        """The drones' cells, y * N + x, of their positions."""
+        x, y = np.moveaxis(positions.astype(np.int64), -1, 0)
+        cells: Ints = cell_number(x, y, self.scenario.grid_size)
+        return cells
 
     def _make_room(self, rows: int) -> None:
         """Make room for some rows."""
@@ -248,16 +256,18 @@ class SwarmPolicy(BatchPolicy):
             self._group_of = np.append(self._group_of, np.full(more * self._observers, _NO_GROUP))
             unknown = np.full((more, self.scenario.n_drones), _NO_ACTION)
             self._latest = np.concatenate([self._latest, unknown])
+            self._cells = np.concatenate([self._cells, unknown])
 
     def _seen(self, rows: Ints, positions: NDArray[np.integer], matrices: Singles) -> _Seen:
         """What each observer sees of the drones that it hears."""
         each = self._observers
         n = self.scenario.n_drones
         heard = np.ones((len(rows), each, n), np.bool_)
+        obstacles = np.full((len(rows), each, 2), _UNHEARD)
         if self.hears:
-            size = self.scenario.grid_size
-            cells = cell_number(positions[..., 0], positions[..., 1], size)
-            heard = hearing(cells, size, self.scenario.radio_range or 0.0)
+            cells = self._numbers(positions)
+            heard = hearing(cells, self.scenario.grid_size, self.scenario.radio_range or 0.0)
+            obstacles = self._obstacles(rows, cells)
         latest = self._latest[rows][:, None]
         seen_actions = np.where(heard, latest, np.where(latest < 0, _NO_ACTION, Action.IDLE.value))
         seen_positions = np.where(heard[..., None], positions[:, None], _UNHEARD)
@@ -265,7 +275,20 @@ class SwarmPolicy(BatchPolicy):
             positions=seen_positions.reshape(-1, n, 2),
             matrices=matrices[:, :each].reshape(-1, *matrices.shape[2:]),
             actions=seen_actions.reshape(-1, n),
+            obstacles=obstacles.reshape(-1, 2),
         )
+
+    def _obstacles(self, rows: Ints, cells: Ints) -> Ints:
+        """Where each drone has just met another one that blocked it, (x, y): (rows, n, 2).
+
+        A drone that could not move knows that somebody is there, although it hears nobody.
+        """
+        latest = self._latest[rows]
+        grid = Grid.of(self.scenario.grid_size)
+        ahead = grid.targets[cells, np.maximum(latest, 0)]
+        is_blocked = (latest >= 0) & (ahead != cells) & (ahead >= 0) & (cells == self._cells[rows])
+        obstacles: Ints = np.where(is_blocked[..., None], grid.coordinates[ahead], _UNHEARD)
+        return obstacles
 
     def _choices(self, who: Ints, seen: _Seen) -> Ints:
         """What each observer would have all drones do, as far as it hears them: (observers, n)."""
@@ -281,14 +304,18 @@ class SwarmPolicy(BatchPolicy):
                 sizes[group] -= len(indices)
                 memory = copy.deepcopy(memory)
                 self._add_group(who[indices], memory)
-            positions, matrix, actions = (array[indices[0]] for array in seen)
+            positions, matrix, actions, obstacle = (array[indices[0]] for array in seen)
             heard = (positions[:, 0] != _UNHEARD).nonzero()[0]
             cells = [(x, y) for x, y in positions[heard].tolist()]
             if actions[0] != _NO_ACTION:
                 numbers = [cell_number(x, y, self.scenario.grid_size) for x, y in cells]
                 cells_searched = searched(self.scenario, numbers, actions[heard].tolist())
                 self.learn(memory, cells_searched, actions.tolist())
-            chosen[indices[:, None], heard] = self.choose(memory, cells, matrix)
+            x, y = obstacle.tolist()
+            if x != _UNHEARD and (x, y) not in cells:
+                cells.append((x, y))  # a drone whose number is not known
+            actions = self.choose(memory, cells, matrix)[: len(heard)]
+            chosen[indices[:, None], heard] = actions
         return chosen
 
     def _add_group(self, who: Ints, memory: Any) -> None:
@@ -304,11 +331,14 @@ class _Seen(NamedTuple):
         positions: of the drones that are heard, (x, y); others are `_UNHEARD`: (..., n, 2).
         matrices: (..., N, N).
         actions: in the last step; `_NO_ACTION` before the first: (..., n).
+        obstacles: where a drone that is not heard has just blocked the observer, (x, y), or
+            `_UNHEARD`: (..., 2).
     """
 
     positions: NDArray[np.integer]
     matrices: Singles
     actions: Ints
+    obstacles: Ints
 
 
 def _identical(groups: Ints, seen: _Seen) -> Iterator[Ints]:

@@ -140,7 +140,7 @@ class BatchState:
         throughout the batch. Returns the drones that found someone, once for each person.
         """
         found = [drones[:0]]
-        found_in = np.full(self.missing.shape, -1)
+        found_in: Ints = np.full(self.missing.shape, -1)
         if self._is_rescue:
             turns = self.known.turns(rows, cells)
             findable = self.missing.sum(axis=0) > (0 if self._finds_last else 1)
