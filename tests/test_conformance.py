@@ -17,7 +17,14 @@ from helpers import careful_actions
 from pettingzoo.utils import parallel_to_aec
 
 import DroneSwarmSearch.env as env_module
-from DroneSwarmSearch import Drift, DroneSwarmSearch, Ending, Person, RewardScheme
+from DroneSwarmSearch import (
+    Drift,
+    DroneSwarmSearch,
+    Ending,
+    MarkovDrift,
+    Person,
+    RewardScheme,
+)
 from DroneSwarmSearch.core import Infos, Rewards
 from DroneSwarmSearch.wrappers import FlatObservation
 
@@ -63,6 +70,22 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "crash": "block",
     },
     "passing": {"grid_size": 3, "n_drones": 5, "crash": "pass", "bayesian_update": True},
+    "radio": {
+        "n_drones": 4,
+        "persons": [UNCERTAIN[0], UNCERTAIN[0]],
+        "shared_drift": True,
+        "bayesian_update": True,
+        "crash": "block",
+        "radio_range": 1.5,
+    },
+    "in flight": {
+        "grid_size": 3,
+        "n_drones": 4,
+        "crash": "pass",
+        "radio_range": 0,
+        "search_in_flight": True,
+        "persons": Person(MarkovDrift((1, 1), np.full((9, 9), 1 / 9)), 0.5),
+    },
 }
 
 each_parameters = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
@@ -119,10 +142,12 @@ def test_observations_have_the_documented_form(parameters):
             assert env.observation_space(agent).contains(observation)
         assert env.state_space.contains(env.state())
         matrix = observations["drone0"]["observation"][1]
+        if env.scenario.radio_range is not None:
+            matrix = env.frame().matrix
         for (x, y), shown in (observation["observation"] for observation in observations.values()):
             assert type(x) is int and type(y) is int
-            assert shown is matrix
-        assert matrix.sum(dtype=np.float64) == pytest.approx(1, abs=1e-5)
+            assert (shown is matrix) == (env.scenario.radio_range is None)
+            assert shown.sum(dtype=np.float64) == pytest.approx(1, abs=1e-5)
         env.state()[:] = 7
         state = env.state()  # a copy
         assert state.dtype == np.float32 and state.shape == (3, size, size)

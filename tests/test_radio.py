@@ -312,7 +312,7 @@ OWN = ["greedy-matrix", "greedy-posterior", "greedy-forecast", "rollout"]
 @pytest.mark.parametrize("policy", OWN)
 def test_without_radio_each_drone_acts_as_if_it_were_alone(policy):
     """As long as no drone finds or blocks anybody."""
-    unfound = [replace(person, probability_of_detection=0.05) for person in wide().persons_to_find]
+    unfound = [replace(person, probability_of_detection=0.01) for person in wide().persons_to_find]
     scenario = wide(radio_range=0).replace(persons=unfound)
     env = DroneSwarmSearch(scenario=scenario)
     observations, _ = env.reset(seed=0, drones_positions=STARTS)

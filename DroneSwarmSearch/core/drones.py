@@ -49,7 +49,7 @@ class Drones:
         self.returns = [0.0] * len(cells)
         self.history = deque([(cells, self.searching)], maxlen=HISTORY_STEPS + 1)
         if self._radio_range is not None:
-            self.heard = np.ones((len(cells), len(cells)), np.bool_)
+            self.heard = hearing(np.array(cells), self._grid_size, self._radio_range)
             self.last_heard = LastHeard.at_start(np.array(cells))
 
     def resolve(

@@ -268,7 +268,7 @@ class SearchBatch:
         self._world.begin(rows, keys, situation)
         self.cells[rows] = cells
         if self._radio_range is not None:
-            self.heard[rows] = True
+            self.heard[rows] = hearing(cells, self._size, self._radio_range)
             self.last_heard.restart(rows, self.cells)
         self.searching[rows] = self._finders[rows] = False
         self.rewards[rows] = self._returns[rows] = 0.0

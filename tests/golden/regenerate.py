@@ -38,6 +38,15 @@ class Scenario:
     then: list[str] = field(default_factory=list)
 
 
+TOGETHER = Person(
+    [
+        Drift((2, 2), vector=(0.3, 0), diffusion=0.05, adrift=5),
+        Drift((2, 2), vector=(0, 0.3), diffusion=0.05, adrift=5),
+    ],
+    probability_of_detection=0.8,
+)
+"""One of two persons who drift by the same of two hypotheses."""
+
 SCENARIOS = {
     "find": Scenario(
         "A lone drone searches a wrong cell, flies where the drift leads, and finds the person.",
@@ -170,6 +179,35 @@ SCENARIOS = {
         {"seed": 10, "drones_positions": [(2, 2), (2, 3)]},
         "SI SI SS RS SI LI SI UI SI DI LI SI",
     ),
+    "wreck": Scenario(
+        "A find tells where the other person is; the first drone hears of it, the third does not.",
+        {
+            "grid_size": 7,
+            "n_drones": 3,
+            "persons": [TOGETHER, TOGETHER],
+            "bayesian_update": True,
+            "shared_drift": True,
+            "crash": "block",
+            "radio_range": 2,
+            "timestep_limit": 8,
+        },
+        {"seed": 4, "drones_positions": [(2, 2), (3, 2), (5, 5)]},
+        "RSI SSI SSL SRS ISL",
+    ),
+    "in_flight": Scenario(
+        "Drones pass each other and look where they arrive; the border keeps one where it is.",
+        {
+            "grid_size": 5,
+            "n_drones": 2,
+            "persons": Person(Drift((2, 2), diffusion=0.05), probability_of_detection=0.6),
+            "bayesian_update": True,
+            "crash": "pass",
+            "search_in_flight": True,
+            "timestep_limit": 8,
+        },
+        {"seed": 31, "drones_positions": [(1, 2), (1, 2)]},
+        "LL LS RR RR SI UD RI LL",
+    ),
 }
 
 
@@ -211,14 +249,17 @@ def step_lines(env: DroneSwarmSearch, letters: str) -> list[str]:
 def shown(env: DroneSwarmSearch, observations: dict[str, Any]) -> list[str]:
     """The observation and the missing persons, in figures that distinguish different matrices."""
     views = [observations[agent]["observation"] for agent in env.possible_agents]
-    matrix = views[0][1].astype(np.float64)
-    rows, columns = np.indices(matrix.shape)
+    different = {id(matrix): matrix.astype(np.float64) for _, matrix in views}
+    rows, columns = np.indices((env.grid_size, env.grid_size))
     counts = env.state()[2].astype(int)
     missing = [f"({x}, {y})" for y, x in np.argwhere(counts) for _ in range(counts[y, x])]
     return [
         "drones   " + " ".join(f"({cell[0]}, {cell[1]})" for cell, _ in views),
-        f"matrix   at most {matrix.max():.4f}, mean cell "
-        f"({(matrix * columns).sum():.4f}, {(matrix * rows).sum():.4f})",
+        *(
+            f"matrix   at most {matrix.max():.4f}, mean cell "
+            f"({(matrix * columns).sum():.4f}, {(matrix * rows).sum():.4f})"
+            for matrix in different.values()
+        ),
         "persons  " + (" ".join(missing) or "none missing"),
     ]
 
