@@ -80,12 +80,10 @@ class FlyingDrones(RememberingDrones):
             rows, columns = step.box
             values[:, rows, columns] += self._gains(step, credits, step_sums)
         # Before the first search, all histories are empty.
-        best = np.full((size, size), -np.inf)
+        best: Singles = np.full((size, size), -np.inf, np.float32)
         for here, there in ACTIONS:
-            np.maximum(best[here], values[0].astype(np.float64)[there], out=best[here])
-        gained = float(best.reshape(-1)[self._starts].sum())
-        pasts: int = max(step.pasts.shape[1] for step in self._steps)
-        return gained * (1.0 + (pasts + 2 * len(self._steps) + 8) * 2.0**-23)
+            np.maximum(best[here], values[0][there], out=best[here])
+        return self._total(best)
 
     def _best_ahead(self, values: Singles) -> Singles:
         """The best of the values after each action: (H, N, N)."""

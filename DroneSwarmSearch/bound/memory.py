@@ -188,10 +188,14 @@ class RememberingDrones:
             rows, columns = step.box
             searched[:, rows, columns] += self._gains(step, credits, step_sums)
             np.maximum(values, searched, out=values)
-        gained = float(values[0].reshape(-1)[self._starts].astype(np.float64).sum())
+        return self._total(values[0])
+
+    def _total(self, values: Singles) -> float:
+        """The sum of the values of all drones' first cells, (N, N), rounded up."""
+        total = float(values.reshape(-1)[self._starts].astype(np.float64).sum())
         # Single precision loses at most this fraction of a sum of positive numbers.
         pasts: int = max(step.pasts.shape[1] for step in self._steps)
-        return gained * (1.0 + (pasts + 2 * len(self._steps) + 8) * 2.0**-23)
+        return total * (1.0 + (pasts + 2 * len(self._steps) + 8) * 2.0**-23)
 
     def soft_flow(self, sums: Sequence[Floats]) -> Singles:
         """The mixture in which a path's share is proportional to exp(what the path gains)."""

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 
 from DroneSwarmSearch._internal.arrays import Floats, Singles
@@ -56,6 +57,14 @@ class Knowledge:
         self._beliefs: list[Belief] | None = None  # from the first search on
         self._shared: SharedDrift | None = None  # the same, if persons drift together
 
+    def copy(self) -> Knowledge:
+        """The same knowledge of a single drone, which keeps beliefs only if it shows them."""
+        twin = copy.copy(self)  # attributes are replaced, never changed in place
+        if not self._shows_beliefs:
+            twin._keeps_beliefs = False
+            twin._beliefs = None
+        return twin
+
     def advance(self) -> None:
         """Complete a step: the beliefs drift."""
         if self._beliefs is not None:
@@ -68,34 +77,35 @@ class Knowledge:
             self.missing = tuple(person for person in self.missing if person not in found)
         if not self._keeps_beliefs:
             return
-        beliefs = self._begun_beliefs()
-        if self._shared is None:
+        beliefs, shared = self._begun()
+        if shared is None:
             self._beliefs = [belief.after_search(cells) for belief in beliefs]
         else:
             self._shared, self._beliefs = after_shared_search(
-                self._shared, beliefs, cells, found, self.missing
+                shared, beliefs, cells, found, self.missing
             )
         failures = [belief.failure for belief in self._beliefs]
         self.success = 1.0 - mean_over_missing(failures, ())
 
     def added_success(self, cells: Sequence[int]) -> Floats:
         """What a search of each cell adds to the success, if the person is alive: (n,)."""
-        beliefs = self._begun_beliefs()
+        beliefs, shared = self._begun()
         alive = [person.alive(self.step) for person in self._persons]
-        if self._shared is None:
+        if shared is None:
             pairs = zip(beliefs, alive, strict=True)
             added = [belief.added_success(cells, chance) for belief, chance in pairs]
         else:
-            added = shared_added_success(self._shared, beliefs, cells, self.missing, alive)
+            added = shared_added_success(shared, beliefs, cells, self.missing, alive)
         return mean_over_missing(added, ())
 
-    def _begun_beliefs(self) -> list[Belief]:
-        """The beliefs, which begin with an episode's first search."""
-        if self._beliefs is None:
-            self._beliefs = begun_beliefs(self._models, self._detections, self.step)
-            if self._shared_weights is not None:
-                self._shared = SharedDrift.begun(self._shared_weights, len(self._models))
-        return self._beliefs
+    def _begun(self) -> tuple[list[Belief], SharedDrift | None]:
+        """The beliefs, which begin with the first search, and what they share."""
+        if self._beliefs is not None:
+            return self._beliefs, self._shared
+        beliefs = begun_beliefs(self._models, self._detections, self.step)
+        if self._shared_weights is None:
+            return beliefs, None
+        return beliefs, SharedDrift.begun(self._shared_weights, len(self._models))
 
     # What is shown.
 

@@ -37,7 +37,8 @@ class WorldState:
         persons: all persons, by number.
         finds: for every person found, the drone that found them, and the cell.
         known: what all drones together know.
-        known_by: what each drone knows; empty if all drones hear each other.
+        known_by: what each drone knows; drones that have heard the same share it. Empty if all
+            drones always hear each other.
         matrix: the matrix of all drones together, read-only.
         matrices: the matrix that each drone observes, read-only.
         is_rescue: whether the mission is to find the persons; else nobody is found.
@@ -52,10 +53,8 @@ class WorldState:
         self.persons = tuple(range(len(self._models)))
         self._n_drones = scenario.n_drones
         self.known = Knowledge(scenario, self._models, scenario.keeps_beliefs)
-        alone = 0 if scenario.radio_range is None else scenario.n_drones
-        self.known_by = [
-            Knowledge(scenario, self._models, scenario.bayesian_update) for _ in range(alone)
-        ]
+        self._has_radios = scenario.radio_range is not None
+        self.known_by: list[Knowledge] = []
 
     def start(self, streams: Streams, episode: int) -> None:
         """Start the episode with this number since the seed."""
@@ -65,14 +64,16 @@ class WorldState:
         self._paths: list[list[int]] = []  # each person's states over some steps
         self._paths_first = 0  # the first of these steps
         self._forget_step()
-        for knowledge in (self.known, *self.known_by):
-            knowledge.start()
+        self.known.start()
+        if self._has_radios:
+            self.known_by = [self.known] * self._n_drones
         self._show()
 
     def _forget_step(self) -> None:
-        """Forget the searches of the last step, by cell, and its finds, by drone."""
+        """Forget the last step: its searches, by cell, its finds, by drone, what was known."""
         self._searches: Mapping[int, Sequence[int]] = {}
         self._found_by: dict[int, dict[int, int]] = {}
+        self._known_before = self.known
 
     @property
     def step(self) -> int:
@@ -113,25 +114,44 @@ class WorldState:
         """
         if heard is not None:
             self._tell(heard)
-        for knowledge in self.known_by:
+        for knowledge in {id(each): each for each in (self.known, *self.known_by)}.values():
             knowledge.advance()
-        self.known.advance()
         self._show()
 
     def _tell(self, heard: Flags) -> None:
         """Let each drone learn of the searches and finds of this step that it hears."""
         searches = [(cell, drone) for cell, drones in self._searches.items() for drone in drones]
-        for listener, knowledge in zip(heard, self.known_by, strict=True):
-            cells = [cell for cell, drone in searches if listener[drone]]
-            found = {
-                person: cell
-                for drone, persons in self._found_by.items()
-                if listener[drone]
-                for person, cell in persons.items()
-            }
-            if cells:
-                knowledge.update(cells, found)
+        after: dict[tuple[int, tuple[int, ...]], Knowledge] = {}  # by what was known, and heard
+        everybody = tuple(drone for _, drone in searches)
+        for number, listener in enumerate(heard):
+            before = self.known_by[number]
+            told_by = tuple(drone for drone in everybody if listener[drone])
+            if before is self.known:
+                if told_by == everybody:
+                    continue
+                before = self._known_before
+            key = id(before), told_by
+            if key not in after:
+                after[key] = self._told(before, searches, told_by)
+            self.known_by[number] = after[key]
         self._forget_step()
+
+    def _told(
+        self, before: Knowledge, searches: Sequence[tuple[int, int]], told_by: Sequence[int]
+    ) -> Knowledge:
+        """What is known after hearing of the searches, (cell, drone), and finds of some drones."""
+        cells = [cell for cell, drone in searches if drone in told_by]
+        found = {
+            person: cell
+            for drone, persons in self._found_by.items()
+            if drone in told_by
+            for person, cell in persons.items()
+        }
+        if not cells:
+            return before
+        knowledge = before.copy()
+        knowledge.update(cells, found)
+        return knowledge
 
     # The persons.
 
@@ -182,6 +202,8 @@ class WorldState:
                 found_by.setdefault(finder, {})[person] = cell
         self._searches = searches
         self._found_by = found_by
+        if self._has_radios:
+            self._known_before = self.known.copy()
         cells = [cell for cell, drones in searches.items() for _ in drones]
         self.known.update(cells, found)
         return set(found_by)

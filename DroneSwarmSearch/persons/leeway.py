@@ -221,15 +221,8 @@ def person(
             too long or the cells too small for the diffusivity.
     """
     kind = class_of(object_class)
-    if not isinstance(scale, Scale):
-        raise TypeError(f"scale must be a Scale, got {scale!r}")
     per_hour = checks.real("jibing", jibing, 0, 1)
-    known = Drift(
-        start,
-        start_sd=scale.cells(checks.real("position_sd", position_sd, 0)),
-        diffusion=_diffusion(diffusivity, scale),
-        adrift=scale.whole_steps(checks.real("adrift", adrift, 0)),
-    )
+    known = _known(start, position_sd, diffusivity, adrift, scale)
     winds, currents = _in_each_step(scale, wind=wind, current=current)
     hypotheses = partial(_hypotheses, kind, winds, currents, scale, known, per_hour)
     jibes = min(per_hour * scale.seconds(known.adrift) / 3600, _MOST_JIBES)
@@ -319,8 +312,6 @@ def persons(
     kinds = [class_of(kind) for kind in checks.items("object_classes", object_classes, what)]
     if not kinds:
         raise ValueError(f"object_classes must be {what}, got {object_classes!r}")
-    if not isinstance(scale, Scale):
-        raise TypeError(f"scale must be a Scale, got {scale!r}")
     per_hour = checks.real("jibing", jibing, 0, 1)
     deviations = np.array(
         [
@@ -329,12 +320,7 @@ def persons(
         ]
     )
     count = checks.integer("hypotheses", hypotheses, 2)
-    known = Drift(
-        start,
-        start_sd=scale.cells(checks.real("position_sd", position_sd, 0)),
-        diffusion=_diffusion(diffusivity, scale),
-        adrift=scale.whole_steps(checks.real("adrift", adrift, 0)),
-    )
+    known = _known(start, position_sd, diffusivity, adrift, scale)
     winds, currents = _in_each_step(scale, wind=wind, current=current)
     errors = np.zeros((1, 4))
     if deviations.any():
@@ -415,6 +401,20 @@ def class_of(object_class: object) -> ObjectClass:
     raise ValueError(
         f"object_class must be a key of leeway.CLASSES, got {object_class!r}; "
         + (f"the nearest are {'; '.join(near)}" if near else f"the keys are {', '.join(CLASSES)}")
+    )
+
+
+def _known(
+    start: Pair, position_sd: float, diffusivity: float, adrift: float, scale: object
+) -> Drift:
+    """What is known of where an object is, before it drifts with wind and current."""
+    if not isinstance(scale, Scale):
+        raise TypeError(f"scale must be a Scale, got {scale!r}")
+    return Drift(
+        start,
+        start_sd=scale.cells(checks.real("position_sd", position_sd, 0)),
+        diffusion=_diffusion(diffusivity, scale),
+        adrift=scale.whole_steps(checks.real("adrift", adrift, 0)),
     )
 
 
