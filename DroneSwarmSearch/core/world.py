@@ -102,7 +102,11 @@ class WorldState:
         self.matrix = _for_users(self._matrix)
         self.matrices = [self.matrix] * self._n_drones
         if self.known_by:
-            self.matrices = [_for_users(knowledge.matrix()) for knowledge in self.known_by]
+            shown = {id(self.known): self.matrix}
+            for knowledge in self.known_by:
+                if id(knowledge) not in shown:
+                    shown[id(knowledge)] = _for_users(knowledge.matrix())
+            self.matrices = [shown[id(knowledge)] for knowledge in self.known_by]
 
     # Time.
 
@@ -121,9 +125,11 @@ class WorldState:
     def _tell(self, heard: Flags) -> None:
         """Let each drone learn of the searches and finds of this step that it hears."""
         searches = [(cell, drone) for cell, drones in self._searches.items() for drone in drones]
+        if not searches:
+            return
         after: dict[tuple[int, tuple[int, ...]], Knowledge] = {}  # by what was known, and heard
         everybody = tuple(drone for _, drone in searches)
-        for number, listener in enumerate(heard):
+        for number, listener in enumerate(heard.tolist()):
             before = self.known_by[number]
             told_by = tuple(drone for drone in everybody if listener[drone])
             if before is self.known:

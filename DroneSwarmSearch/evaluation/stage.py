@@ -67,8 +67,14 @@ def steering(
 
 
 def prepared(spec: PolicySpec, search: NamedSearch) -> PolicyLike:
-    """A policy for a search, which may look at it before the first episode."""
-    policy = spec.make(search.scenario)
+    """A policy for a search, which may look at it before the first episode.
+
+    Yardsticks that know what all drones know are made for a search in which all hear each other.
+    """
+    scenario = search.scenario
+    if issubclass(spec.kind, BatchPolicy) and spec.kind.knows == ALL:
+        scenario = scenario.replace(radio_range=None)
+    policy = spec.make(scenario)
     getattr(policy, "prepare", lambda drones: None)(search.drones)
     return policy
 

@@ -58,7 +58,7 @@ class BatchPolicy(ABC):
     def _maps(self) -> tuple[int, ...]:
         """The shape of the matrices of a search."""
         size = self.scenario.grid_size
-        if self.scenario.radio_range is None or self.knows == ALL:
+        if self.scenario.radio_range is None:
             return size, size
         return self.scenario.n_drones, size, size
 
@@ -91,10 +91,8 @@ class BatchPolicy(ABC):
         seen = [observation["observation"] for observation in observations.values()]
         positions = np.array([[cell for cell, _ in seen]])
         self._check_shape("observations", positions, self.scenario.n_drones, 2)
-        first = seen[0][1]
-        is_common = all(matrix is first for _, matrix in seen)
-        if self.scenario.radio_range is None or (self.knows == ALL and is_common):
-            matrices = first[None]
+        if self.scenario.radio_range is None:
+            matrices = seen[0][1][None]
         else:
             matrices = np.array([[matrix for _, matrix in seen]])
         self._check_maps("matrix", matrices)
@@ -146,8 +144,7 @@ class BatchPolicy(ABC):
         return rows, positions, matrices
 
     def _check_maps(self, name: str, matrices: Singles) -> None:
-        by_drone = self.scenario.n_drones, self.scenario.grid_size, self.scenario.grid_size
-        if self.knows == ALL and matrices.shape[1:] == by_drone:
+        if self.knows == ALL and self.scenario.radio_range is not None:
             raise ValueError(
                 f"{type(self).__name__} acts on what all drones know, and cannot use the matrix of "
                 "each drone of a search with a radio_range; evaluate, play and record show it the "
