@@ -1054,7 +1054,7 @@ def radio(theme: Theme, sampling: Sampling) -> Figure:
     """
     with (FIGURES / "radio.csv").open(encoding="utf-8", newline="") as file:
         rows = {(row["policy"], row["knows"]): row for row in csv.DictReader(file)}
-    ranges = ["0", "2", "4", "8", "16", "all"]
+    ranges = ["0", "2", "4", "8", "all"]
     keys = [*(f"hears {reach} cells" for reach in ranges[:-1]), "hears all"]
     chart = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = chart.subplots()
