@@ -253,7 +253,7 @@ def test_command(command, tmp_path, monkeypatch):
     [
         (["examples/vector_rollout.py", "--num-envs", "8", "--steps", "20"], "steps per second"),
         (["examples/prior_or_posterior.py", "--episodes", "2"], "posterior: found in"),
-        (["examples/finds_that_teach.py", "--episodes", "1"], "the drift is known: "),
+        (["examples/finds_that_teach.py", "--episodes", "1"], "the drift is known"),
         (["benchmarks/bench_step.py", *BENCH_BRIEFLY.split()], "idle/floor"),
     ],
     ids=["vector_rollout", "prior_or_posterior", "finds_that_teach", "bench_step"],
