@@ -10,6 +10,7 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Flags
 from DroneSwarmSearch.core import rules
 from DroneSwarmSearch.core.frame import HISTORY_STEPS, TRAIL_STEPS
+from DroneSwarmSearch.core.grid import OFF_GRID
 from DroneSwarmSearch.core.radio import LastHeard, hearing
 from DroneSwarmSearch.core.rules import Action, Ending
 from DroneSwarmSearch.core.scenario import Scenario
@@ -67,7 +68,7 @@ class Drones:
         rewards = self._quiet
         ending = None
         if not self._rules.is_quiet(chosen, targets, world.step):
-            if crash == rules.END:
+            if OFF_GRID in targets:
                 arrived = rules.arrivals(self.cells, targets, crash)
             self.searching = self._searching(chosen)
             rewards, ending = self._outcome(targets, arrived, world)

@@ -35,7 +35,10 @@ class WorldState:
 
     Attributes:
         persons: all persons, by number.
+        missing: the persons not yet found.
         finds: for every person found, the drone that found them, and the cell.
+        step: completed steps.
+        success: the cumulative probability of success (POS) of all searches so far, or None.
         known: what all drones together know.
         known_by: what each drone knows; drones that have heard the same share it. Empty if all
             drones always hear each other.
@@ -65,6 +68,9 @@ class WorldState:
         self._paths_first = 0  # the first of these steps
         self._forget_step()
         self.known.start()
+        self.step = 0
+        self.missing = self.persons
+        self.success = self.known.success
         if self._has_radios:
             self.known_by = [self.known] * self._n_drones
         self._show()
@@ -76,25 +82,9 @@ class WorldState:
         self._known_before = self.known
 
     @property
-    def step(self) -> int:
-        """Completed steps."""
-        return self.known.step
-
-    @property
-    def missing(self) -> tuple[int, ...]:
-        """The persons not yet found."""
-        return self.known.missing
-
-    @property
-    def success(self) -> float | None:
-        """The cumulative probability of success (POS) of all searches so far, or None."""
-        return self.known.success
-
-    @property
     def is_covered(self) -> bool:
         """Whether a coverage mission is complete."""
-        success = self.known.success
-        return not self.is_rescue and success is not None and success > COVERED_AT
+        return not self.is_rescue and self.success is not None and self.success > COVERED_AT
 
     def _show(self) -> None:
         """Make the matrices of a step."""
@@ -116,10 +106,13 @@ class WorldState:
         Args:
             heard: which drone hears which, see `radio.hearing`; None if all hear each other.
         """
-        if heard is not None:
+        self.step += 1
+        if heard is None:
+            self.known.advance()
+        else:
             self._tell(heard)
-        for knowledge in {id(each): each for each in (self.known, *self.known_by)}.values():
-            knowledge.advance()
+            for knowledge in {id(each): each for each in (self.known, *self.known_by)}.values():
+                knowledge.advance()
         self._show()
 
     def _tell(self, heard: Flags) -> None:
@@ -212,6 +205,8 @@ class WorldState:
             self._known_before = self.known.copy()
         cells = [cell for cell, drones in searches.items() for _ in drones]
         self.known.update(cells, found)
+        self.missing = self.known.missing
+        self.success = self.known.success
         return set(found_by)
 
     def _finder(self, person: int, drones: Sequence[int]) -> int | None:
