@@ -184,15 +184,16 @@ def test_a_shared_search_survives_its_data():
 def test_no_policy_exceeds_the_mean_of_the_bounds_for_each_hypothesis():
     scenario = wreck(2, size=5, timestep_limit=12)
     positions = [(0, 0), (1, 0)]
-    shared = success_bound(scenario, positions, horizons=1)
+    quick = {"horizons": 1, "memory": 2, "sample": 2**14}
+    shared = success_bound(scenario, positions, **quick)
     alone = [
-        (weight, success_bound(known, positions, horizons=1))
+        (weight, success_bound(known, positions, **quick))
         for weight, known in scenario.by_hypothesis()
     ]
     assert [weight for weight, _ in alone] == pytest.approx(WEIGHTS)
     mean = sum(weight * bound.by_limit for weight, bound in alone)
     # All hypotheses' samples must hold together, so each counts as a little less certain.
-    assert mean <= shared.by_limit == pytest.approx(mean, abs=0.001)
+    assert mean <= shared.by_limit == pytest.approx(mean, abs=0.005)
     found = evaluate("greedy-posterior", scenario, episodes=100, progress=False)
     assert 0.05 < found.success.value < shared.by_limit
 
