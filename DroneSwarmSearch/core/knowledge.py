@@ -115,8 +115,7 @@ class Knowledge:
 
     def matrix(self) -> Singles:
         """The matrix, for reading only: float32, (N, N)."""
-        beliefs = self._beliefs if self._shows_beliefs else None
-        return shown_matrix(self._models, beliefs, self.missing, self.step)
+        return shown_matrix(self._models, self._shown_beliefs, self.missing, self.step)
 
     def prior(self) -> Singles | None:
         """The forecast of the current step if the matrix shows the beliefs; a new array."""

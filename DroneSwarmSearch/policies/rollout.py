@@ -26,7 +26,7 @@ KEPT = 5
 """Steps for which drones follow their paths before they look ahead again."""
 
 TEACHES = 10.0
-"""What a find that tells the hypothesis for certain at the start is worth to each other person."""
+"""What a find at the start, of an unlikely hypothesis, is worth for each other missing person."""
 
 
 @dataclass

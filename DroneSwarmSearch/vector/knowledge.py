@@ -105,7 +105,7 @@ class Knowledge:
         if self.beliefs is None or not who.size:
             return
         self.beliefs.begin(who)
-        detections = self._detections.take(who, axis=1)
+        detections = self.detections(who)
         turns = self.turns(who, cells)
         if self._shared is None:
             self.beliefs.search(who, cells, detections, turns)
