@@ -31,7 +31,7 @@ from DroneSwarmSearch.core.rules import Ending
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.env import DroneSwarmSearch
 from DroneSwarmSearch.layouts import Layout, mask_space, remaining_time_fraction
-from DroneSwarmSearch.layouts.layout import Heard, own_first
+from DroneSwarmSearch.layouts.layout import Heard, Sight, own_first
 from DroneSwarmSearch.layouts.top_cells import TopCellsLayout
 from DroneSwarmSearch.layouts.view import View
 
@@ -133,14 +133,15 @@ class LayoutObservation(SearchWrapper):
         if now.last_heard is not None:
             last = LastHeard(now.last_heard.cells[None], now.last_heard.ages[None])
             heard = Heard.of(last, self._search.grid_size, self._search.timestep_limit)
+        sight = Sight(positions, matrices, left, heard)
         n = len(self._names)
         if isinstance(space, spaces.Box):
             shown: Any = np.empty((n, *space.shape), space.dtype)
-            self.layout.write(positions, matrices, left, shown[None], heard)
+            self.layout.write(sight, shown[None])
             return dict(zip(self._names, shown, strict=True))
         shown = create_empty_array(space, n, fn=np.empty)
         out = {name: array[None] for name, array in shown.items()}
-        self.layout.write(positions, matrices, left, out, heard)
+        self.layout.write(sight, out)
         return {
             agent: {name: array[k] for name, array in shown.items()}
             for k, agent in enumerate(self._names)

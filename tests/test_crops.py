@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from DroneSwarmSearch.layouts import CropsLayout
 from DroneSwarmSearch.layouts.crops import SCALES, WINDOW
+from DroneSwarmSearch.layouts.layout import Sight
 
 BOXES = WINDOW**2
 
@@ -15,7 +16,7 @@ BOXES = WINDOW**2
 def crops(positions: np.ndarray, matrices: np.ndarray, left: np.ndarray) -> np.ndarray:
     layout = CropsLayout(matrices.shape[-1], positions.shape[1])
     out = np.full((*positions.shape[:2], *layout.space.shape), 7, np.float32)
-    layout.write(positions, matrices[:, None].copy(), left, out)
+    layout.write(Sight(positions, matrices[:, None].copy(), left), out)
     for vector in out.reshape(-1, out.shape[-1]):
         assert layout.space.contains(vector)
     return out

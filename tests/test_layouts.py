@@ -17,6 +17,7 @@ from DroneSwarmSearch.layouts import (
     TopCellsLayout,
     remaining_time_fraction,
 )
+from DroneSwarmSearch.layouts.layout import Sight
 from DroneSwarmSearch.layouts.top_cells import likeliest_cells
 
 BY_HAND = [name for name in LAYOUTS if name != "crops"]  # see test_crops.py
@@ -49,7 +50,7 @@ def written(layout: Layout, shown: Arguments, *leading: int) -> Any:
         if is_dict
         else array(layout.space)
     )
-    layout.write(positions.copy(), matrices[:, None].copy(), left, out)
+    layout.write(Sight(positions.copy(), matrices[:, None].copy(), left), out)
     return out
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from DroneSwarmSearch._internal.arrays import Singles
-from DroneSwarmSearch.layouts.layout import Heard, Layout, Positions, maxima
+from DroneSwarmSearch.layouts.layout import Heard, Layout, Positions, Sight, maxima
 
 WINDOW = 5  # boxes along each side of a window; odd, so that the drone is in the middle box
 
@@ -76,28 +76,14 @@ class CropsLayout(Layout):
         is_seen_both = is_seen[:, :, None] & is_seen[:, None]
         self._boxes = np.where(is_seen_both, boxes, _NO_BOX).reshape(len(SCALES), -1).T.copy()
 
-    def write(
-        self,
-        positions: Positions,
-        matrices: Singles,
-        left: Singles,
-        out: Singles,
-        heard: Heard | None = None,
-    ) -> None:
+    def write(self, sight: Sight, out: Singles) -> None:
         count = max(1, _CHUNK_DRONES // self.n_drones)
-        for first in range(0, len(positions), count):
+        for first in range(0, len(sight.positions), count):
             here = slice(first, first + count)
-            heard_here = heard and Heard(heard.positions[here], heard.ages[here])
-            self._write_some(positions[here], matrices[here], left[here], out[here], heard_here)
+            self._write_some(sight.of(here), out[here])
 
-    def _write_some(
-        self,
-        positions: Positions,
-        matrices: Singles,
-        left: Singles,
-        out: Singles,
-        heard: Heard | None,
-    ) -> None:
+    def _write_some(self, sight: Sight, out: Singles) -> None:
+        positions, matrices, left, heard = sight
         size = self.grid_size
         highest = maxima(matrices)  # (searches, matrices)
         windows = out[..., :-2].reshape(*out.shape[:2], *self._windows)

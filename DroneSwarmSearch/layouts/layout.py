@@ -40,6 +40,28 @@ class Heard(NamedTuple):
         return cls(positions, (last.ages / timestep_limit).astype(np.float32))
 
 
+class Sight(NamedTuple):
+    """What the drones of S searches see, for a layout to show.
+
+    Attributes:
+        positions: every drone's cell (x, y): integers, shape (S, n, 2).
+        matrices: float32, indexed [y, x], shape (S, 1, N, N), or with radios (S, n, N, N); layouts
+            use them as scratch and overwrite them.
+        left: see `remaining_time_fraction`: float32, shape (S,).
+        heard: with radios, where each drone last heard the others.
+    """
+
+    positions: Positions
+    matrices: Singles
+    left: Singles
+    heard: Heard | None = None
+
+    def of(self, searches: slice) -> Sight:
+        """Some of the searches; views."""
+        heard = self.heard and Heard(self.heard.positions[searches], self.heard.ages[searches])
+        return Sight(self.positions[searches], self.matrices[searches], self.left[searches], heard)
+
+
 class Layout(ABC):
     """A layout: it writes the observations of S searches with n drones on N x N cells into arrays.
 
@@ -56,24 +78,13 @@ class Layout(ABC):
         self.radio = radio
 
     @abstractmethod
-    def write(
-        self,
-        positions: Positions,
-        matrices: Singles,
-        left: Singles,
-        out: Observations,
-        heard: Heard | None = None,
-    ) -> None:
+    def write(self, sight: Sight, out: Observations) -> None:
         """Write observations.
 
         Args:
-            positions: every drone's cell (x, y): integers, shape (S, n, 2).
-            matrices: float32, indexed [y, x], shape (S, 1, N, N), or with `radio` (S, n, N, N);
-                used as scratch and overwritten.
-            left: see `remaining_time_fraction`: float32, shape (S,).
+            sight: what the drones see; its matrices are overwritten.
             out: an array of the space's dtype and shape, or a dict of such arrays, with axes in
                 front for the searches and the drones; for a joint layout, the second one is 1.
-            heard: with `radio`, where each drone last heard the others.
         """
 
 

@@ -10,9 +10,8 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch._internal.cells import cell_position
 from DroneSwarmSearch.layouts.layout import (
-    Heard,
     Layout,
-    Positions,
+    Sight,
     own_first,
     scaled_positions,
 )
@@ -36,14 +35,8 @@ class TopCellsLayout(Layout):
         self._others = own_first(n_drones)[:, 1:]
         self._drones = np.arange(n_drones)[:, None]
 
-    def write(
-        self,
-        positions: Positions,
-        matrices: Singles,
-        left: Singles,
-        out: Singles,
-        heard: Heard | None = None,
-    ) -> None:
+    def write(self, sight: Sight, out: Singles) -> None:
+        positions, matrices, left, heard = sight
         size = self.grid_size
         k = self.k
         own = positions[:, :, None]

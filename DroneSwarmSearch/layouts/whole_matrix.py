@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch.layouts.layout import (
-    Heard,
     Layout,
-    Positions,
+    Sight,
     own_first,
     scale_to_maximum,
     scaled_positions,
@@ -41,14 +40,9 @@ class DictLayout(Layout):
         matrix = spaces.Box(0.0, 1.0, (*leading, grid_size, grid_size), np.float32)
         self.space = spaces.Dict({self._name: position, "probability_matrix": matrix})
 
-    def write(
-        self,
-        positions: Positions,
-        matrices: Singles,
-        left: Singles,
-        out: dict[str, NDArray[Any]],
-        heard: Heard | None = None,
-    ) -> None:
+    def write(self, sight: Sight, out: dict[str, NDArray[Any]]) -> None:
+        positions = sight.positions
+        matrices = sight.matrices
         out[self._name][...] = positions[:, None] if self._joint else positions
         if self._joint and self.radio:
             matrices = matrices[:, None]
@@ -69,14 +63,8 @@ class FlatLayout(Layout):
         cells = grid_size**2 * (n_drones if radio and joint else 1)
         self.space = spaces.Box(0.0, 1.0, (2 * n_drones + ages + 1 + cells,), np.float32)
 
-    def write(
-        self,
-        positions: Positions,
-        matrices: Singles,
-        left: Singles,
-        out: Singles,
-        heard: Heard | None = None,
-    ) -> None:
+    def write(self, sight: Sight, out: Singles) -> None:
+        positions, matrices, left, heard = sight
         n = self.n_drones
         shown = positions.take(self._orders, axis=1)
         begin = 2 * n
@@ -109,14 +97,8 @@ class PlanesLayout(Layout):
         self._drones = np.arange(n_drones)
         self._others = own_first(n_drones)[:, 1:]
 
-    def write(
-        self,
-        positions: Positions,
-        matrices: Singles,
-        left: Singles,
-        out: Singles,
-        heard: Heard | None = None,
-    ) -> None:
+    def write(self, sight: Sight, out: Singles) -> None:
+        positions, matrices, left, heard = sight
         scale_to_maximum(matrices)
         if self._joint:
             out[:, 0, : self._maps] = matrices

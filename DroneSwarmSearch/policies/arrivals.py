@@ -18,6 +18,7 @@ from DroneSwarmSearch._internal.cells import cell_number, cell_position
 from DroneSwarmSearch.core.grid import moves_between
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.layouts.crops import LENGTH, SCALES, WINDOW, CropsLayout
+from DroneSwarmSearch.layouts.layout import Sight
 from DroneSwarmSearch.policies.greedy import (
     CLAIMED,
     DISCOUNT,
@@ -189,7 +190,7 @@ class Arrivals:
     ) -> None:
         """Write the layout "crops" of the success of searches now."""
         crops = out[..., :LENGTH]
-        self._crops.write(positions, ahead[:, :1], left.astype(np.float32), crops)
+        self._crops.write(Sight(positions, ahead[:, :1], left.astype(np.float32)), crops)
         crops[..., -1] = 0.0
 
     def _values(self, ahead: Singles, positions: Integers, remaining: Integers) -> _Values:

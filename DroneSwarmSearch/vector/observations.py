@@ -16,7 +16,7 @@ from DroneSwarmSearch.layouts import (
     mask_space,
     remaining_time_fraction,
 )
-from DroneSwarmSearch.layouts.layout import Heard, Observations
+from DroneSwarmSearch.layouts.layout import Heard, Observations, Sight
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.vector.engine import SearchBatch
 
@@ -96,7 +96,7 @@ class BatchObservations:
                 out = {name: array.reshape(*shape, *array.shape[1:]) for name, array in out.items()}
             else:
                 out = out.reshape(*shape, *out.shape[1:])
-        self._layout.write(positions, matrices, left, out, heard)
+        self._layout.write(Sight(positions, matrices, left, heard), out)
 
     def _matrices(self, rows: Ints | None) -> Singles:
         """What the drones of some rows, or of all, observe: (n, 1 or n_drones, N, N)."""
