@@ -40,6 +40,7 @@ GROUPS: dict[str, tuple[Ratio, ...]] = {
         (cases.TRAINING_SAMPLER, cases.TRAINING),
     ),
     "posterior": ((cases.POSTERIOR, cases.SINGLE_POSTERIOR),),
+    "radio": ((cases.RADIOS, cases.ALL_HEAR),),
     "forecasts": ((cases.SAMPLER, cases.MATRICES),),
     "situations": (
         (cases.TWO_HYPOTHESES, cases.ONE_HYPOTHESIS),

@@ -149,6 +149,23 @@ def batch_with_matrices(
     return steps_of_batch(batch, step, random_actions(num_envs, size.n_drones))
 
 
+def with_radios(radio_range: float | None) -> Callable[[Size, int], Run]:
+    """Drones that block each other, with the matrix that each observes."""
+
+    def make(size: Size, num_envs: int) -> Run:
+        batch = make_batch(
+            size, num_envs, bayesian_update=True, crash="block", radio_range=radio_range
+        )
+
+        def step(actions: NDArray[np.int64]) -> object:
+            batch.step(actions)
+            return batch.matrices_by_drone()
+
+        return steps_of_batch(batch, step, random_actions(num_envs, size.n_drones))
+
+    return make
+
+
 def sampled_drifts(size: Size, num_envs: int) -> Run:
     def sampler(rng: Any) -> Mapping[str, Any]:
         return {"vector": rng.uniform(-0.5, 0.5, 2)}
@@ -273,6 +290,8 @@ MATRICES = BenchmarkCase("batch, matrices", batch_with_matrices)
 POSTERIOR = BenchmarkCase(
     "batch, posterior", lambda size, n: batch_with_matrices(size, n, bayesian_update=True)
 )
+ALL_HEAR = BenchmarkCase("batch, posterior, all hear each other", with_radios(None))
+RADIOS = BenchmarkCase("batch, posterior, radios of 4 cells", with_radios(4.0))
 TRAINING = BenchmarkCase("DroneVectorEnv, training", training(sampled=False))
 TRAINING_SAMPLER = BenchmarkCase("DroneVectorEnv, training, a sampler", training(sampled=True))
 SAMPLER = BenchmarkCase("batch, a sampler of drifts", sampled_drifts)

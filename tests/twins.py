@@ -221,8 +221,8 @@ def planned(plans: list[list[int]], frame: Frame, turn: int, rng: random.Random)
 
 def use_tiles(patch: pytest.MonkeyPatch, case: Case) -> None:
     """Divide the beliefs into the tiles of a case, however small."""
-    patch.setattr(beliefs, "_LEAST_ROWS", 1)
-    patch.setattr(beliefs, "_MOST_ROWS", case.tile_rows)
+    patch.setattr(beliefs, "_LEAST_COLUMNS", 1)
+    patch.setattr(beliefs, "_MOST_COLUMNS", case.tile_rows)
 
 
 def play(twins: Twins, steps: int, seed: int = 0) -> None:

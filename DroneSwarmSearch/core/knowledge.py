@@ -13,8 +13,10 @@ from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.belief import (
     Belief,
     begun_beliefs,
+    drifted,
     mean_forecast,
     mean_over_missing,
+    of_each_kind,
     shown_matrix,
 )
 from DroneSwarmSearch.drift.model import DriftModel
@@ -68,7 +70,7 @@ class Knowledge:
     def advance(self) -> None:
         """Complete a step: the beliefs drift."""
         if self._beliefs is not None:
-            self._beliefs = [belief.after_drift(self.step) for belief in self._beliefs]
+            self._beliefs = drifted(self._beliefs, self.step)
         self.step += 1
 
     def update(self, cells: Sequence[int], found: Mapping[int, int]) -> None:
@@ -79,7 +81,7 @@ class Knowledge:
             return
         beliefs, shared = self._begun()
         if shared is None:
-            self._beliefs = [belief.after_search(cells) for belief in beliefs]
+            self._beliefs = of_each_kind(lambda belief: belief.after_search(cells), beliefs)
         else:
             self._shared, self._beliefs = after_shared_search(
                 shared, beliefs, cells, found, self.missing

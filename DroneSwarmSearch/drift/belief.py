@@ -14,7 +14,7 @@ has the array form.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -24,6 +24,7 @@ from DroneSwarmSearch._internal.arrays import Flags, Floats, Singles
 from DroneSwarmSearch.drift.model import DriftModel
 
 FloatOrArray = TypeVar("FloatOrArray", float, Floats)
+Result = TypeVar("Result")
 
 
 class Belief(NamedTuple):
@@ -77,8 +78,33 @@ def begun_beliefs(
     A person's prior costs nothing to forecast, and a belief costs a drift a step, so beliefs do
     not begin earlier.
     """
-    pairs = zip(models, detections, strict=True)
-    return [Belief(model, detection, model.joint(step)) for model, detection in pairs]
+    begun: dict[object, Belief] = {}  # persons who are alike share their belief
+    beliefs = []
+    for model, detection in zip(models, detections, strict=True):
+        kind = model.key, detection
+        if kind not in begun:
+            begun[kind] = Belief(model, detection, model.joint(step))
+        beliefs.append(begun[kind])
+    return beliefs
+
+
+def of_each_kind(function: Callable[[Belief], Result], beliefs: Sequence[Belief]) -> list[Result]:
+    """A function of the model, detection and mass of each belief; called once for persons alike."""
+    if len(beliefs) == 1:
+        return [function(beliefs[0])]
+    results: dict[tuple[int, float], Result] = {}
+    for belief in beliefs:
+        kind = id(belief.mass), belief.detection
+        if kind not in results:
+            results[kind] = function(belief)
+    return [results[id(belief.mass), belief.detection] for belief in beliefs]
+
+
+def drifted(beliefs: Sequence[Belief], step: int) -> list[Belief]:
+    """All beliefs one step later."""
+    after = of_each_kind(lambda belief: belief.after_drift(step), beliefs)
+    pairs = zip(beliefs, after, strict=True)
+    return [Belief(now.model, now.detection, then.mass, now.failure) for now, then in pairs]
 
 
 def normalise(belief: Floats, which: Flags | bool = True) -> Floats:
@@ -133,7 +159,8 @@ def shown_matrix(
     `vector.knowledge` has the array form.
     """
     if beliefs is not None:
-        return mean_over_missing([belief.map() for belief in beliefs], missing).astype(np.float32)
+        maps = of_each_kind(Belief.map, beliefs)
+        return mean_over_missing(maps, missing).astype(np.float32)
     if len(models) == 1:  # saves a tenth of a step
         return models[0].matrix(step)
     first, *others = (models[person] for person in missing or range(len(models)))

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints
-from DroneSwarmSearch.drift.belief import Belief
+from DroneSwarmSearch.drift.belief import Belief, of_each_kind
 
 INSIDE = 1e-12
 """How far a draw keeps from the limits of its hypothesis, as a share: no rounding crosses them."""
@@ -187,7 +187,7 @@ def after_shared_search(
         found: the persons who are found in this step, and in which cell.
         missing: the persons who are missing after it.
     """
-    searched = [belief.searched(cells) for belief in beliefs]
+    searched = of_each_kind(lambda belief: belief.searched(cells), beliefs)
     sums = np.array([layer_sums(mass) for mass in searched])
     found_in = np.zeros_like(sums)
     for person, cell in found.items():
@@ -199,11 +199,15 @@ def after_shared_search(
     after = shared.after_search(sums, is_found, found_in, is_missing)
     factors = after.scale(sums)
     failures = after.failure(is_missing).tolist()
-    changed = []
-    for belief, mass, factor, failure in zip(beliefs, searched, factors, failures, strict=True):
-        if factor.any():  # else the searches contradict the belief, which stays
-            belief = belief._replace(mass=mass * factor[:, None, None])
-        changed.append(belief._replace(failure=failure))
+    masses: dict[int, Floats] = {}  # after the step, which persons who are alike go on to share
+    for belief, mass, factor in zip(beliefs, searched, factors, strict=True):
+        # If the searches contradict the belief, it stays.
+        if id(mass) not in masses:
+            masses[id(mass)] = mass * factor[:, None, None] if factor.any() else belief.mass
+    changed = [
+        belief._replace(mass=masses[id(mass)], failure=failure)
+        for belief, mass, failure in zip(beliefs, searched, failures, strict=True)
+    ]
     return after, changed
 
 

@@ -19,7 +19,13 @@ from DroneSwarmSearch.core.grid import MOVES, Cell
 from DroneSwarmSearch.core.moves import moved, searched
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.drift.belief import Belief, begun_beliefs, shown_matrix
+from DroneSwarmSearch.drift.belief import (
+    Belief,
+    begun_beliefs,
+    drifted,
+    of_each_kind,
+    shown_matrix,
+)
 from DroneSwarmSearch.drift.shared import SharedDrift, after_shared_search
 
 MOST_SETS = 4096  # how many sets of found persons are compared with the matrix, smallest first
@@ -162,7 +168,7 @@ class BeliefTracker:
         twin = copy(self)
         twin.missing = missing
         twin._shared = shared
-        twin._beliefs = tuple(belief.after_drift(self.step - 1) for belief in beliefs)
+        twin._beliefs = tuple(drifted(beliefs, self.step - 1))
         return twin
 
     def update(self, cells: Sequence[Cell], actions: Sequence[int]) -> None:
@@ -188,7 +194,7 @@ class BeliefTracker:
         if searched:
             self._update_beliefs([*searched])
         if self._beliefs is not None:
-            self._beliefs = tuple(belief.after_drift(self.step) for belief in self._beliefs)
+            self._beliefs = tuple(drifted(self._beliefs, self.step))
         self.step += 1
 
     def _update_beliefs(self, searched: list[int]) -> None:
@@ -209,12 +215,13 @@ class BeliefTracker:
             self._shared, beliefs = self._latest.after({}, self.missing)
             self._beliefs = tuple(beliefs)
             return
-        for person in self.missing:
-            belief = beliefs[person]
-            after = belief.after_search(searched)
+        before = [beliefs[person] for person in self.missing]
+        after = of_each_kind(lambda belief: belief.after_search(searched), before)
+        for person, belief in zip(self.missing, after, strict=True):
             # The factor counts in coverage missions only, see `success`.
             is_coverage = self.scenario.mission == "coverage"
-            beliefs[person] = after if is_coverage else after._replace(failure=belief.failure)
+            failure = belief.failure if is_coverage else beliefs[person].failure
+            beliefs[person] = belief._replace(failure=failure)
         self._beliefs = tuple(beliefs)
 
 

@@ -1,120 +1,218 @@
-"""The beliefs of a batch: each row's distribution of its persons given the searches made.
+"""The beliefs of a batch: distributions of the persons of its rows, given the searches made.
 
-A row's beliefs begin with its first search; until then they equal the forecast. The arithmetic
-is that of `drift.belief` and agrees with the single environment bit for bit.
+Beliefs begin with the first search that an observer, see `vector.knowledge`, knows of; until then
+they equal the forecast. The arithmetic is that of `drift.belief` and agrees with the single
+environment bit for bit.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch.drift.belief import means_over_missing, normalise
-from DroneSwarmSearch.drift.model import Forecasts, over_layers
+from DroneSwarmSearch.drift.model import over_layers
 from DroneSwarmSearch.drift.shared import SharedDrift, layer_sums
+from DroneSwarmSearch.vector.catalogue import Catalogue
 
-_TILE_BYTES = 1600 * 2**10
+_TILE_BYTES = 800 * 2**10
 """The size of one person's beliefs in a tile: several such arrays fit into the cache."""
 
-# the fewest and the most rows in a tile
-_LEAST_ROWS = 64
-_MOST_ROWS = 1024
+# the fewest and the most columns of a tile
+_LEAST_COLUMNS = 64
+_MOST_COLUMNS = 1024
+
+
+def representatives(kinds: Ints) -> Ints:
+    """The first person of each kind; kinds: of each person, numbered from 0."""
+    _, first = np.unique(kinds, return_index=True)
+    return first
 
 
 class Beliefs:
-    """The beliefs about every row's persons, each of the shape (M, L) of the forecasts' mass.
+    """The beliefs of observers, each of the shape (M, L) of the forecasts' mass.
 
-    A belief assumes that the person has not been found, even after the find. The rows are the
-    last axis, because each has its own moves. They are divided into tiles that fit into the
-    cache: row i is column i % width of tile i // width.
+    A belief assumes that the person has not been found, even after the find. Persons of one kind
+    share it, see `Catalogue.kinds`.
+
+    The beliefs of an observer are a column, the last axis, because each has its own moves. The
+    first observer of row i has the column i; other observers with beliefs have any of those after
+    the last row. The columns are divided into tiles that fit into the cache: column c is column
+    c % width of tile c // width.
+
+    Args:
+        catalogue: the searches.
+        entries: the current entry of each person's forecast in each row, see
+            `drift.model.Forecasts`, an array that the caller changes: int64, (persons, rows).
+        observers: of each row.
 
     Attributes:
-        forecasts: where the persons may be; `entries` are the current ones of each person in each
-            row there, an array that the caller changes: int64, (persons, rows).
-        begun: which rows have beliefs: bool, (rows,).
-        failure: the probability that no search so far finds the person: float64, (persons, rows).
+        begun: which observers have beliefs: bool, (n,).
+        failure: the probability that no search that an observer knows of finds the person:
+            float64, (persons, n).
     """
 
-    def __init__(self, grid_size: int, forecasts: Forecasts, entries: Ints) -> None:
-        self._size = grid_size
-        self.forecasts = forecasts
+    def __init__(self, catalogue: Catalogue, entries: Ints, observers: int) -> None:
+        self._size = catalogue.scenarios[0].grid_size
+        self._forecasts = catalogue.forecasts
+        self._kinds = catalogue.kinds
+        self._representatives = representatives(self._kinds)
         self._entries = entries
-        persons, rows = entries.shape
-        shape = forecasts.shape
+        self._observers = observers
+        persons, self._rows = entries.shape
+        n = self._rows * observers
+        shape = self._forecasts.shape
         fit = _TILE_BYTES // (8 * shape[0] * shape[1])
-        most = min(_MOST_ROWS, max(_LEAST_ROWS, fit))
-        # An odd width: the cells of a row lie in different lines of the cache.
-        self._width = -(-rows // -(-rows // most)) | 1
-        tiles = -(-rows // self._width)
-        # The columns after the last row are not used.
-        self._mass = np.zeros((tiles, persons, *shape, self._width))
-        self.begun = np.zeros(rows, np.bool_)
-        self.failure = np.ones((persons, rows))
+        most = min(_MOST_COLUMNS, max(_LEAST_COLUMNS, fit))
+        # An odd width: the cells of a column lie in different lines of the cache.
+        self._width = -(-n // -(-n // most)) | 1
+        tiles = -(-n // self._width)
+        self._mass = np.zeros((tiles, len(self._representatives), *shape, self._width))
+        self.begun = np.zeros(n, np.bool_)
+        self.failure = np.ones((persons, n))
+        # The column of each observer, and the observer of each column, any if it is not in use.
+        self._column = np.zeros(n, np.int64)
+        self._observer = np.zeros(tiles * self._width, np.int64)
+        self._is_used = np.zeros(tiles * self._width, np.bool_)
+        first = np.arange(0, n, observers)
+        self._column[first] = np.arange(self._rows)
+        self._observer[: self._rows] = first
 
-    def use(self, forecasts: Forecasts) -> None:
-        """Use other forecasts; layers and slots without mass are added, or left out."""
-        self.forecasts = forecasts
-        shape = forecasts.shape
-        layers, slots = np.maximum(np.subtract(shape, self._mass.shape[2:4]), 0)
-        padded = np.pad(self._mass, [(0, 0), (0, 0), (0, layers), (0, slots), (0, 0)])
+    def use(self, catalogue: Catalogue) -> None:
+        """Use another catalogue; layers and slots without mass are added, or left out."""
+        self._representatives = representatives(catalogue.kinds)
+        mass = self._mass[:, self._kinds[self._representatives]]
+        self._kinds = catalogue.kinds
+        self._forecasts = catalogue.forecasts
+        shape = self._forecasts.shape
+        layers, slots = np.maximum(np.subtract(shape, mass.shape[2:4]), 0)
+        padded = np.pad(mass, [(0, 0), (0, 0), (0, layers), (0, slots), (0, 0)])
         self._mass = np.ascontiguousarray(padded[:, :, : shape[0], : shape[1]])
 
-    def forget(self, rows: Ints) -> None:
-        """Drop the beliefs of some rows, whose next episodes begin."""
-        self.begun[rows] = False
-        self.failure[:, rows] = 1.0
+    # Columns.
 
-    def begin(self, rows: Ints) -> None:
-        """Let the beliefs of some rows equal the forecast, unless they have begun."""
-        new = np.unique(rows[~self.begun[rows]])
-        tiles = new // self._width
+    def _take_columns(self, who: Ints) -> None:
+        """Give columns to observers without beliefs."""
+        if self._observers > 1:
+            others = who[who % self._observers > 0]
+            free = np.flatnonzero(~self._is_used[self._rows :])[: len(others)] + self._rows
+            self._column[others] = free
+            self._observer[free] = others
+        self._is_used[self._column[who]] = True
+        self.begun[who] = True
+
+    def _places(self, who: Ints) -> tuple[Ints, Ints]:
+        """The tile of each observer's column, and its number there."""
+        return np.divmod(self._column.take(who), self._width)
+
+    def _tiles(self) -> Iterator[tuple[int, Floats]]:
+        """The number and the mass of each tile that is in use."""
+        for tile, mass in enumerate(self._mass):
+            if self._is_used[self._columns(tile)].any():
+                yield tile, mass
+
+    def _columns(self, tile: int) -> slice:
+        return slice(tile * self._width, (tile + 1) * self._width)
+
+    def _entries_of(self, who: Ints) -> Ints:
+        """The entries of each kind of person for some observers: (kinds, n)."""
+        return self._entries[self._representatives[:, None], who // self._observers]
+
+    # The beginning and the end of beliefs.
+
+    def forget(self, who: Ints) -> None:
+        """Drop the beliefs of some observers."""
+        begun = who[self.begun[who]]
+        self._is_used[self._column[begun]] = False
+        self.begun[begun] = False
+        self.failure[:, who] = 1.0
+
+    def begin(self, who: Ints) -> None:
+        """Let the beliefs of some observers equal the forecast, unless they have begun."""
+        new = np.unique(who[~self.begun[who]])
+        self._take_columns(new)
+        tiles, columns = self._places(new)
         for tile in np.unique(tiles):
-            some = new[tiles == tile]
-            for mass, entry in zip(self._mass[tile], self._entries[:, some], strict=True):
-                mass[..., some % self._width] = np.moveaxis(self.forecasts.joint(entry), 0, -1)
-        self.begun[new] = True
+            here = tiles == tile
+            for mass, entries in zip(self._mass[tile], self._entries_of(new[here]), strict=True):
+                mass[..., columns[here]] = np.moveaxis(self._forecasts.joint(entries), 0, -1)
 
-    def search(self, rows: Ints, cells: Ints, detections: Floats, turns: Ints) -> None:
-        """Apply searches that find nobody, in rows with beliefs.
+    def copy(self, source: Ints, target: Ints) -> None:
+        """Let observers without beliefs, `target`, have those of others: (n,) each."""
+        begun = self.begun[source]
+        source = source[begun]
+        target = target[begun]
+        self._take_columns(target)
+        from_tile, from_column = self._places(source)
+        tile, column = self._places(target)
+        self._mass[tile, ..., column] = self._mass[from_tile, ..., from_column]
+        self.failure[:, target] = self.failure[:, source]
+
+    # A step.
+
+    def search(self, who: Ints, cells: Ints, detections: Floats, turns: Ints) -> None:
+        """Apply searches that find nobody, for observers with beliefs.
 
         Args:
-            rows: of each search.
+            who: the observer of each search.
             cells: of each search.
             detections: of each person at each search: (persons, n).
-            turns: how many searches before it are of the same cell of the same row: (n,).
+            turns: how many searches before it are of the same cell, for the same observer: (n,).
         """
-        tile, column = np.divmod(rows, self._width)
-        searched = np.zeros(self.begun.shape, np.bool_)
-        searched[rows] = True
-        for person, detection in enumerate(detections):
-            slots = self.forecasts.slots(self._entries[person, rows], cells)
-            where = tile, person, slice(None), slots, column
+        tile, column = self._places(who)
+        searched = np.zeros(len(self._is_used), np.bool_)
+        searched[self._column.take(who)] = True
+        which = np.unique(who)
+        for kind, (detection, entries) in enumerate(
+            zip(detections[self._representatives], self._entries_of(who), strict=True)
+        ):
+            slots = self._forecasts.slots(entries, cells)
+            where = tile, kind, slice(None), slots, column
             before = self._mass[where]  # (n, M)
-            self._multiply(person, rows, cells, detection, turns)
-            missed = self._normalise(person, searched)
+            self._multiply(where, detection, turns)
+            missed = self._normalise(kind, searched)
             # Rounding must not lower the probability of success.
-            self.failure[person] *= np.where(searched, np.minimum(missed, 1.0), 1.0)
-            undo = missed[rows] <= 0.0  # the searches contradict the belief: restore it
-            if undo.any():
-                where = tile[undo], person, slice(None), slots[undo], column[undo]
+            left = np.minimum(missed.take(self._column.take(which)), 1.0)
+            persons = (self._kinds == kind).nonzero()[0]
+            self.failure[persons[:, None], which] *= left
+            undo = missed.take(self._column.take(who)) <= 0.0
+            if undo.any():  # the searches contradict the belief: restore it
+                where = tile[undo], kind, slice(None), slots[undo], column[undo]
                 self._mass[where] = before[undo]
 
     def _multiply(
-        self, person: int, rows: Ints, cells: Ints, detection: Floats, turns: Ints
+        self, where: tuple[Ints, int, slice, Ints, Ints], detection: Floats, turns: Ints
     ) -> None:
-        """Leave what searches miss of a person's mass, one search of a cell after the other."""
-        slots = self.forecasts.slots(self._entries[person, rows], cells)
-        tile, column = np.divmod(rows, self._width)
+        """Leave what searches miss of the mass of a kind, one search of a cell after the other.
+
+        Args:
+            where: the index of each searched cell's mass.
+            detection: at each search: (n,).
+            turns: see `search`.
+        """
+        tile, kind, layers, slots, column = where
         last = int(turns.max(initial=0))
         for turn in range(last + 1):
             which = slice(None) if last == 0 else turns == turn
-            where = tile[which], person, slice(None), slots[which], column[which]
-            self._mass[where] = self._mass[where] * (1.0 - detection[which, None])
+            here = tile[which], kind, layers, slots[which], column[which]
+            self._mass[here] = self._mass[here] * (1.0 - detection[which, None])
+
+    def _normalise(self, kind: int, searched: Flags) -> Floats:
+        """Normalise the beliefs about a kind in the searched columns; returns the sums before."""
+        total = np.zeros(len(searched))
+        for tile, mass in self._tiles():
+            columns = self._columns(tile)
+            if searched[columns].any():
+                of_kind = mass[kind].reshape(len(mass[kind]), -1, self._size, self._width)
+                total[columns] = normalise(of_kind, searched[columns])
+        return total
 
     def search_together(
         self,
         shared: SharedDrift,
-        rows: Ints,
+        who: Ints,
         cells: Ints,
         detections: Floats,
         turns: Ints,
@@ -124,133 +222,135 @@ class Beliefs:
         """`search` for persons who drift by one hypothesis, see `shared.after_shared_search`.
 
         Args:
-            shared: of the searched rows, in ascending order, before the step.
-            rows: of each search.
+            shared: of those who search, in ascending order, before the step.
+            who: the observer of each search.
             cells: of each search.
             detections: of each person at each search: (persons, n).
             turns: see `search`.
-            found_in: the cell where each person is found in this step, or -1: (persons, searched
-                rows).
-            missing: the persons who are missing after it: bool, (persons, searched rows).
+            found_in: the cell where each person is found in this step, or -1: (persons, observers
+                that search).
+            missing: the persons who are missing after it: bool, (persons, observers that search).
 
         Returns:
             The same after the step.
         """
-        which = np.unique(rows)
-        before = self.mass(which)
-        for person, detection in enumerate(detections):
-            self._multiply(person, rows, cells, detection, turns)
-        searched = self.mass(which)
-        persons, layers, slots_each, n = searched.shape
-        by_row = searched.reshape(persons, layers, slots_each // self._size, self._size, n)
-        sums = np.array([layer_sums(mass) for mass in by_row])
+        which = np.unique(who)
+        before = self._mass_of_kinds(which)
+        tile, column = self._places(who)
+        for kind, (detection, entries) in enumerate(
+            zip(detections[self._representatives], self._entries_of(who), strict=True)
+        ):
+            slots = self._forecasts.slots(entries, cells)
+            self._multiply((tile, kind, slice(None), slots, column), detection, turns)
+        searched = self._mass_of_kinds(which)
+        kinds, layers, slots_each, n = searched.shape
+        by_row = searched.reshape(kinds, layers, slots_each // self._size, self._size, n)
+        sums = np.array([layer_sums(mass) for mass in by_row])[self._kinds]
         seen = np.zeros(sums.shape)
         for person, at in enumerate(found_in):
             here = (at >= 0).nonzero()[0]
-            slots = self.forecasts.slots(self._entries[person, which[here]], at[here])
-            seen[person][:, here] = before[person][:, slots, here]
+            entries = self._entries[person, which[here] // self._observers]
+            slots = self._forecasts.slots(entries, at[here])
+            seen[person][:, here] = before[self._kinds[person]][:, slots, here]
         after = shared.after_search(sums, found_in >= 0, seen, missing)
-        factors = after.scale(sums)
+        factors = after.scale(sums)[self._representatives]
         # Where the searches contradict the belief, it stays.
         is_possible = np.expand_dims(np.any(factors, axis=1), (1, 2))
         changed = np.where(is_possible, searched * factors[:, :, None], before)
-        tile, column = np.divmod(which, self._width)
-        self._mass[tile, :, :, :, column] = np.moveaxis(changed, -1, 0)
+        tile, column = self._places(which)
+        self._mass[tile, ..., column] = np.moveaxis(changed, -1, 0)
         self.failure[:, which] = after.failure(missing)
         return after
 
-    def added_together(
-        self, shared: SharedDrift, rows: Ints, cells: Ints, missing: Flags, worths: Floats
-    ) -> Floats:
-        """`added_success` for persons who drift together, see `shared.shared_added_success`.
-
-        `shared` and `missing`, (persons, n), are those of each search's row.
-        """
-        tile, column = np.divmod(rows, self._width)
-        by_layer = shared.worths(missing)
-        added = np.empty(worths.shape)
-        for person, worth in enumerate(worths):
-            slots = self.forecasts.slots(self._entries[person, rows], cells)
-            masses = self._mass[tile, person, :, slots, column].T  # (M, n)
-            added[person] = worth * (by_layer[person] * masses).cumsum(axis=0)[-1]
-        return means_over_missing(added, np.ones(added.shape, np.bool_))
-
-    def _normalise(self, person: int, searched: Flags) -> Floats:
-        """Normalise a person's beliefs in the searched rows; returns the sums before."""
-        total = np.zeros(len(searched))
-        for first, mass in zip(self._firsts(), self._mass[:, person], strict=True):
-            some = searched[first : first + self._width]
-            if some.any():
-                here = np.zeros(self._width, np.bool_)
-                here[: len(some)] = some
-                sums = normalise(mass.reshape(len(mass), -1, self._size, self._width), here)
-                total[first : first + self._width] = sums[: len(some)]
-        return total
-
     def drift(self) -> None:
         """Let the beliefs drift by a step; the entries are those before it."""
-        for first, tile in zip(self._firsts(), self._mass, strict=True):
-            if self.begun[first : first + self._width].any():
-                for mass, entry in zip(tile, self._of_columns(first), strict=True):
-                    self.forecasts.drift(mass, entry)
+        for tile, masses in self._tiles():
+            entries = self._entries_of(self._observer[self._columns(tile)])
+            for mass, entry in zip(masses, entries, strict=True):
+                self._forecasts.drift(mass, entry)
 
-    def _of_columns(self, first: int) -> Ints:
-        """The entries of each column of a tile, whose first row is given; any after the last."""
-        some = self._entries[:, first : first + self._width]
-        of_columns = np.empty((len(some), self._width), np.int64)
-        of_columns[:, : some.shape[1]] = some
-        of_columns[:, some.shape[1] :] = some[:, :1]
-        return of_columns
+    # The matrices; `counted`, (persons, n), are the persons in the mean, see `shown_persons`.
 
-    def _firsts(self) -> range:
-        """The first row of each tile."""
-        return range(0, len(self.begun), self._width)
+    def write_common_matrices(self, counted: Flags, out: Singles) -> None:
+        """Write the matrix of each row's first observer: float32, (rows, N, N).
 
-    # The matrices; `counted` are the persons in the mean, see `shown_persons`.
+        Those without beliefs receive arbitrary values. `counted` is of all observers.
+        """
+        for tile, masses in self._tiles():
+            columns = self._columns(tile)
+            if columns.start < len(out):
+                matrices = self._matrices(masses, self._observer[columns], counted)
+                out[columns] = matrices[: len(out) - columns.start]
 
-    def write_matrices(self, counted: Flags, out: Singles) -> None:
-        """Write the matrices of all rows with beliefs; some others receive arbitrary values."""
-        for first, tile in zip(self._firsts(), self._mass, strict=True):
-            rows = slice(first, first + self._width)
-            if self.begun[rows].any():
-                here = counted[:, rows]
-                pairs = zip(tile, self._of_columns(first), strict=True)
-                maps = [self.forecasts.map(*pair)[:, : here.shape[1]] for pair in pairs]
-                matrices = means_over_missing(maps, here).astype(np.float32).T
-                out[rows] = matrices.reshape(-1, self._size, self._size)
+    def matrices_of_most(self, who: Ints, counted: Flags) -> Singles:
+        """`matrices`, fast if they are of most observers; arbitrary for those without beliefs."""
+        by_column = np.empty((len(self._is_used), self._size, self._size), np.float32)
+        for tile, masses in self._tiles():
+            columns = self._columns(tile)
+            by_column[columns] = self._matrices(masses, self._observer[columns], counted)
+        return by_column.take(self._column.take(who), axis=0)
 
-    def matrices(self, rows: Ints, counted: Flags) -> Singles:
-        """The matrices of some rows with beliefs: float32, (n, N, N); `counted` is of these."""
-        maps = list(map(self.forecasts.map, self.mass(rows), self._entries[:, rows]))
-        matrices = means_over_missing(maps, counted).T.astype(np.float32)
-        return np.ascontiguousarray(matrices).reshape(-1, self._size, self._size)
+    def _matrices(self, masses: Floats, who: Ints, counted: Flags) -> Singles:
+        """The matrices of the observers that have the columns of some masses: (n, N, N)."""
+        of_kinds = list(map(self._forecasts.map, masses, self._entries_of(who)))
+        maps = [of_kinds[kind] for kind in self._kinds]
+        mean = means_over_missing(maps, counted[:, who]).astype(np.float32)
+        return mean.T.reshape(-1, self._size, self._size)
 
-    def mass(self, rows: Ints) -> Floats:
-        """The beliefs in some rows: float64, (persons, M, L, n)."""
-        tile, column = np.divmod(rows, self._width)
-        return np.moveaxis(self._mass[tile, :, :, :, column], 0, -1)
+    def matrices(self, who: Ints, counted: Flags) -> Singles:
+        """The matrices of some observers with beliefs: float32, (n, N, N)."""
+        matrices = self._matrices(self._mass_of_kinds(who), who, counted)
+        return np.ascontiguousarray(matrices)
 
-    def probabilities(self, rows: Ints, cells: Ints, counted: Flags) -> Singles:
-        """The probability of one cell in the matrix of each of some rows: float32, (n,)."""
-        values: Singles = means_over_missing(self._at(rows, cells), counted).astype(np.float32)
+    def mass(self, observer: int) -> Floats:
+        """The beliefs of an observer who has them: float64, (persons, M, L)."""
+        return self._mass_of_kinds(np.array([observer]))[self._kinds, ..., 0]
+
+    def _mass_of_kinds(self, who: Ints) -> Floats:
+        """The beliefs of some observers: (kinds, M, L, n)."""
+        tile, column = self._places(who)
+        return np.moveaxis(self._mass[tile, ..., column], 0, -1)
+
+    def probabilities(self, who: Ints, cells: Ints, counted: Flags) -> Singles:
+        """The probability of one cell in the matrix of each of some observers: float32, (n,)."""
+        values: Singles = means_over_missing(self._at(who, cells), counted).astype(np.float32)
         return values
 
-    def _at(self, rows: Ints, cells: Ints) -> list[Floats]:
-        """Each person's belief about one cell in each of some rows: (n,)."""
-        tile, column = np.divmod(rows, self._width)
-        slots = [self.forecasts.slots(entry, cells) for entry in self._entries[:, rows]]
-        return [over_layers(self._mass[tile, k, :, slot, column].T) for k, slot in enumerate(slots)]
+    def _at(self, who: Ints, cells: Ints) -> list[Floats]:
+        """The belief about each person and one cell, of each of some observers: (n,)."""
+        of_kinds = [over_layers(masses) for masses in self._layers_at(who, cells)]
+        return [of_kinds[kind] for kind in self._kinds]
+
+    def _layers_at(self, who: Ints, cells: Ints) -> list[Floats]:
+        """The mass of each kind in one cell, for each of some observers: (M, n)."""
+        tile, column = self._places(who)
+        slots = [self._forecasts.slots(entry, cells) for entry in self._entries_of(who)]
+        return [self._mass[tile, kind, :, slot, column].T for kind, slot in enumerate(slots)]
 
     # The probability of success.
 
-    def success(self) -> Floats:
-        """The cumulative probability of success (POS) in every row: float64, (rows,)."""
-        return 1.0 - means_over_missing(self.failure, np.ones(self.failure.shape, np.bool_))
+    def success(self, who: Ints) -> Floats:
+        """The cumulative probability of success (POS), for some observers: float64, (n,)."""
+        failure = self.failure[:, who]
+        return 1.0 - means_over_missing(failure, np.ones(failure.shape, np.bool_))
 
-    def added_success(self, rows: Ints, cells: Ints, worths: Floats) -> Floats:
-        """What each search adds to it, as if it were its row's only one: float64, (n,).
+    def added_success(self, who: Ints, cells: Ints, worths: Floats) -> Floats:
+        """What each search adds to it, as if it were its observer's only one: float64, (n,).
 
         `worths`, (persons, n), are each person's probability of detection times that of survival.
         """
-        added = self.failure[:, rows] * worths * np.array(self._at(rows, cells))
+        added = self.failure[:, who] * worths * np.array(self._at(who, cells))
+        return means_over_missing(added, np.ones(added.shape, np.bool_))
+
+    def added_together(
+        self, shared: SharedDrift, who: Ints, cells: Ints, missing: Flags, worths: Floats
+    ) -> Floats:
+        """`added_success` for persons who drift together, see `shared.shared_added_success`.
+
+        `shared` and `missing`, (persons, n), are those of each search's observer.
+        """
+        masses = self._layers_at(who, cells)
+        added = np.empty(worths.shape)
+        for person, (layers, worth) in enumerate(zip(shared.worths(missing), worths, strict=True)):
+            added[person] = worth * (layers * masses[self._kinds[person]]).cumsum(axis=0)[-1]
         return means_over_missing(added, np.ones(added.shape, np.bool_))

@@ -312,8 +312,9 @@ class SearchBatch:
         cells = arrived.take(searches)
 
         # 2. The rules decide outcomes, rewards and endings.
+        told = world.tell(rows, searches, self._hearing(arrived))
         observed = world.observed(rows, cells)
-        found = world.search(rows, cells, searches)
+        found = world.search(rows, cells, searches, told)
         events = rules.BatchEvents(
             searching=self.searching,
             targets=targets,
@@ -330,9 +331,6 @@ class SearchBatch:
         self._returns += self.rewards
         self.ended = self.endings != 0
         self.cells = arrived
-        if self._radio_range is not None:
-            self._listen(self._radio_range)
-            world.tell(rows, cells, searches, self.heard)
 
         # 3. The clock advances; rows that had ended begin instead.
         world.advance()
@@ -365,10 +363,13 @@ class SearchBatch:
         rows, drones = self._searching(actions).nonzero()
         return rows, arrived[rows, drones]
 
-    def _listen(self, radio_range: float) -> None:
-        """Let the drones hear those in range."""
-        self.heard = hearing(self.cells, self._size, radio_range)
-        self.last_heard = self.last_heard.after(self.cells, self.heard)
+    def _hearing(self, arrived: Ints) -> Flags | None:
+        """Let the drones hear those in range, in the cells where they arrive: who hears whom."""
+        if self._radio_range is None:
+            return None
+        self.heard = hearing(arrived, self._size, self._radio_range)
+        self.last_heard = self.last_heard.after(arrived, self.heard)
+        return self.heard
 
     def _check_episodes(self, ended: Ints, *, autoreset: bool) -> None:
         """Raise `ResetNeeded` unless all rows have an episode, or may begin one."""
@@ -391,8 +392,7 @@ class SearchBatch:
     @property
     def observers(self) -> int:
         """How many matrices the drones of a row observe: n_drones with a `radio_range`, else 1."""
-        knowledge = self._world.known_by or self._world.known
-        return knowledge.observers
+        return 1 if self._radio_range is None else self.cells.shape[1]
 
     @property
     def crash(self) -> str:
@@ -439,8 +439,7 @@ class SearchBatch:
         The mean over persons. None unless beliefs are kept: with `bayesian_update`,
         `RewardScheme.expected()` or the coverage mission.
         """
-        beliefs = self._world.known.beliefs
-        return None if beliefs is None else beliefs.success()
+        return self._world.known.success()
 
     @property
     def probability_of_failure(self) -> Floats | None:
@@ -449,8 +448,8 @@ class SearchBatch:
         It means nothing for a person who has been found. None unless beliefs are kept, see
         `probability_of_success`.
         """
-        beliefs = self._world.known.beliefs
-        return None if beliefs is None else beliefs.failure.T.copy()
+        failure = self._world.known.failure()
+        return None if failure is None else failure.T.copy()
 
     def frame(self, row: int, drone: int | None = None) -> Frame:
         """Everything that a picture of one row shows, including the persons, but no trails.
@@ -473,19 +472,17 @@ class SearchBatch:
         prior = None
         hypotheses = [tuple(model.weights.tolist()) for model in models]
         known = world.known
-        observer = row
-        if drone is not None and world.known_by is not None:
-            known = world.known_by
-            observer = row * scenario.n_drones + drone
-        who = np.array([observer])
-        beliefs = known.beliefs if scenario.bayesian_update else None
-        if beliefs is not None and beliefs.begun[observer]:
-            mass = beliefs.mass(who)[..., 0]
+        who = known.of_rows(np.array([row]))
+        if drone is not None:
+            who = known.of_drones(np.array([row]))[[drone if known.observers > 1 else 0]]
+        observer = int(who[0])
+        shown = known.shown_mass(observer)
+        if shown is not None:
             hypotheses = [
                 model.hypotheses(
                     masses[: model.state_shape[0], : model.layer].reshape(model.state_shape)
                 )
-                for model, masses in zip(models, mass, strict=True)
+                for model, masses in zip(models, shown, strict=True)
             ]
             prior = mean_forecast(models, known.missing[:, observer].nonzero()[0].tolist(), step)
         return Frame(
@@ -515,21 +512,20 @@ class SearchBatch:
 
     def matrices_of(self, rows: ArrayLike) -> Singles:
         """The matrices of some rows: float32, (n, N, N), indexed [y, x]; or an IndexError."""
-        return self._world.known.matrices(self._rows[np.asarray(rows)])
+        known = self._world.known
+        return known.matrices(known.of_rows(self._rows[np.asarray(rows)]))
 
     def matrices_by_drone(self, rows: ArrayLike | None = None) -> Singles:
         """The matrix that each drone of some rows observes: float32, (n, n_drones, N, N).
 
         By default of all rows. Without a `radio_range`, the second axis is 1: all observe the same.
         """
-        knowledge = self._world.known_by or self._world.known
+        known = self._world.known
         if rows is None:
-            n = self.num_rows * knowledge.observers
-            matrices = np.empty((n, self._size, self._size), np.float32)
-            knowledge.write_matrices(matrices)
+            matrices = known.matrices_of_drones()
         else:
-            matrices = knowledge.matrices(knowledge.of_rows(self._rows[np.asarray(rows)]))
-        return matrices.reshape(-1, knowledge.observers, self._size, self._size)
+            matrices = known.matrices(known.of_drones(self._rows[np.asarray(rows)]))
+        return matrices.reshape(-1, self.observers, self._size, self._size)
 
     def state_planes(self) -> Singles:
         """The full state of every row, see `DroneSwarmSearch.state`: float32, (E, 3, N, N)."""

@@ -39,8 +39,7 @@ class BatchState:
         situation: the number of every row's search in the catalogue: int64, (rows,).
         finds: the drone that found each person, numbered throughout the batch, and in which
             cell: int64, (2, persons, rows); the values of missing persons are meaningless.
-        known: what all drones of a row together know.
-        known_by: what each drone knows; None if all drones hear each other.
+        known: what the drones of each row know.
     """
 
     def __init__(self, catalogue: Catalogue, rows: int, finds_last: bool) -> None:
@@ -52,13 +51,7 @@ class BatchState:
         self.step = np.zeros(rows, np.int64)
         self.situation = np.zeros(rows, np.int64)
         self.finds = np.zeros((2, self._persons, rows), np.int64)
-        self.known = Knowledge(catalogue, rows, 1, keeps_beliefs=scenario.keeps_beliefs)
-        self.known_by: Knowledge | None = None
-        if scenario.radio_range is not None:
-            self.known_by = Knowledge(
-                catalogue, rows, scenario.n_drones, keeps_beliefs=scenario.bayesian_update
-            )
-        self._found_in = np.full((self._persons, rows), -1)  # the cells of this step's finds
+        self.known = Knowledge(catalogue, rows)
         self._states = np.zeros((self._persons, rows), np.int64)
         # The counters of a step's drift draws, from the key of the episode on.
         self._counters = np.arange(1, 2 * self._persons + 1, dtype=np.uint64)[:, None] * GOLDEN
@@ -68,11 +61,7 @@ class BatchState:
     @property
     def missing(self) -> Flags:
         """Which persons have not been found: bool, (persons, rows)."""
-        return self.known.missing
-
-    @property
-    def _knowledge(self) -> list[Knowledge]:
-        return [self.known] if self.known_by is None else [self.known, self.known_by]
+        return self.known.missing[:, :: self.known.observers]
 
     # The start of an episode.
 
@@ -89,8 +78,7 @@ class BatchState:
         self.situation[rows] = situation
         self._draws[:, rows] = self._counters + keys[0]
         self._detection_keys[rows] = keys[1]
-        for knowledge in self._knowledge:
-            knowledge.begin(rows, self.catalogue, situation)
+        self.known.begin(rows, self.catalogue, situation)
 
     def _start_draws(self, keys: Words, situation: Ints) -> Floats:
         """`world.WorldState._start_draws` for many rows: (persons, n)."""
@@ -116,11 +104,10 @@ class BatchState:
         _, index = np.unique(self.situation[going], return_inverse=True)
         self.situation[going] = catalogue.choices + index
         catalogue.forecasts.reach(int(self.step[going].max(initial=0)))
-        for knowledge in self._knowledge:
-            knowledge.use(catalogue, going, self.situation[going], self.step[going])
+        self.known.use(catalogue, going, self.situation[going], self.step[going])
         self.catalogue = catalogue
 
-    # A step: `observed`, then `search`, then `tell`, then `advance`.
+    # A step: `tell`, then `observed`, then `search`, then `advance`.
 
     def observed(self, rows: Ints, cells: Ints) -> Floats:
         """What searches pay for, float64, (n,), in ascending order of rows.
@@ -133,14 +120,35 @@ class BatchState:
         steps = np.minimum(self.step.take(rows), alive.shape[2] - 1)
         return self.known.added_success(rows, cells, alive[self.situation.take(rows), :, steps].T)
 
-    def search(self, rows: Ints, cells: Ints, drones: Ints) -> Ints:
+    def tell(self, rows: Ints, drones: Ints, heard: Flags | None) -> Flags:
+        """Who learns of a step's searches: bool, (n, observers).
+
+        Args:
+            rows: of the searches, in ascending order.
+            drones: of the searches, numbered throughout the batch, in ascending order.
+            heard: which drone hears which, see `radio.hearing`: (rows, n_drones, n_drones); None if
+                all hear each other.
+        """
+        everybody = np.ones((len(rows), 1), np.bool_)
+        if heard is None:
+            return everybody
+        told = np.concatenate([everybody, heard[rows, :, drones % heard.shape[1]]], axis=1)
+        self.known.part(rows, told)
+        return told
+
+    def search(self, rows: Ints, cells: Ints, drones: Ints, told: Flags) -> Ints:
         """Apply a step's searches: decide which of them find a person, update what is known.
 
-        Searches are in ascending order of rows, and within a row of drones, which are numbered
-        throughout the batch. Returns the drones that found someone, once for each person.
+        Args:
+            rows: of the searches.
+            cells: of the searches.
+            drones: of the searches, see `tell`.
+            told: from `tell`.
+
+        Returns:
+            The drones that found someone, once for each person.
         """
-        found = [drones[:0]]
-        found_in: Ints = np.full(self.missing.shape, -1)
+        found = np.full(self.missing.shape, -1)
         if self._is_rescue:
             turns = self.known.turns(rows, cells)
             findable = self.missing.sum(axis=0) > (0 if self._finds_last else 1)
@@ -155,35 +163,13 @@ class BatchState:
                 detections = self.known.detections(where)[person]
                 first, last = _found_by(detections, turns.take(hits))
                 hits = hits[(draws >= first) & (draws < last)]
-                where = rows.take(hits)
-                self.finds[:, person, where] = drones.take(hits), cells.take(hits)
-                found_in[person, where] = cells.take(hits)
-                found.append(drones.take(hits))
-        self._found_in = found_in
-        self.known.update(rows, cells, found_in)
-        return np.concatenate(found)
-
-    def tell(self, rows: Ints, cells: Ints, drones: Ints, heard: Flags) -> None:
-        """Let each drone learn of the searches and finds of this step that it hears.
-
-        Args:
-            rows: of the searches, as for `search`.
-            cells: of the searches.
-            drones: of the searches, numbered throughout the batch.
-            heard: which drone hears which, see `radio.hearing`: (rows, n_drones, n_drones).
-        """
-        assert self.known_by is not None
-        n = heard.shape[1]
-        search, listener = heard[rows, :, drones % n].nonzero()
-        who = rows.take(search) * n + listener
-        order = who.argsort(kind="stable")
-        found_in = np.full(self.known_by.missing.shape, -1)
-        for person, cell in enumerate(self._found_in):
-            where = (cell >= 0).nonzero()[0]
-            finders = self.finds[0, person, where] % n
-            find, listener = heard[where, :, finders].nonzero()
-            found_in[person, where[find] * n + listener] = cell[where[find]]
-        self.known_by.update(who[order], cells.take(search[order]), found_in)
+                found[person, rows.take(hits)] = hits
+        persons, found_at = (found >= 0).nonzero()
+        which = found[persons, found_at]
+        finders: Ints = drones.take(which)
+        self.finds[:, persons, found_at] = finders, cells.take(which)
+        self.known.update(rows, cells, told, found)
+        return finders
 
     def all_found(self, rows: Ints) -> Ints:
         """Some of the rows: in which all persons have been found."""
@@ -192,10 +178,10 @@ class BatchState:
 
     def covered(self) -> Ints:
         """The rows whose coverage mission is complete."""
-        beliefs = self.known.beliefs
-        if self._is_rescue or beliefs is None:
+        success = None if self._is_rescue else self.known.success()
+        if success is None:
             return np.empty(0, np.int64)
-        return (beliefs.success() > COVERED_AT).nonzero()[0]
+        return (success > COVERED_AT).nonzero()[0]
 
     def advance(self) -> None:
         """Let the persons and the beliefs drift by a step."""
@@ -204,8 +190,7 @@ class BatchState:
         self._states = forecasts.walk(self._states, self.known.entries, draws)
         self._draws += self._counters[-1]
         self.step += 1
-        for knowledge in self._knowledge:
-            knowledge.advance()
+        self.known.advance()
 
     # What can be read.
 
