@@ -1,12 +1,14 @@
-"""What standard algorithms reach on the tasks of the benchmark: train, evaluate, report.
+"""What algorithms reach on the tasks of the benchmark: tune, train, evaluate, report.
 
-    python benchmarks/algorithms.py train                       # what is missing, run after run
-    python benchmarks/algorithms.py train --algorithms qmix --tasks small --seeds 0
+    python benchmarks/algorithms.py tune                        # what is missing, run after run
+    python benchmarks/algorithms.py train
+    python benchmarks/algorithms.py train --algorithms qmix --tasks drift --seeds 0
     python benchmarks/algorithms.py baselines
     python benchmarks/algorithms.py report                      # the table
 
-Training is that of examples/train_benchmarl.py. Results and curves are rows of CSV files, which are
-written after each run, so an interruption loses no more than the run under way.
+Training is that of examples/train_benchmarl.py and, for ppo, examples/train_own_loop.py. Results
+and curves are rows of CSV files, which are written after each run, so an interruption loses no more
+than the run under way. Several processes may work on different tasks at the same time.
 """
 
 from __future__ import annotations
@@ -20,27 +22,61 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from DroneSwarmSearch.evaluation import NamedSearch, evaluate
-from DroneSwarmSearch.policies import PlannerPolicy
+from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.training import TASKS
 
 ROOT = Path(__file__).parents[1]
-RESULTS, CURVES = (ROOT / f"docs/benchmark/{name}.csv" for name in ("results", "curves"))
+RESULTS, CURVES, TUNING = (
+    ROOT / f"docs/benchmark/{name}.csv" for name in ("results", "curves", "tuning")
+)
 PAGE = ROOT / "docs/benchmark/index.md"
 BEGIN = "<!-- table: python benchmarks/algorithms.py report -->\n"
 END = "<!-- /table -->\n"
-ALGORITHMS = ("ippo", "mappo", "iql", "vdn", "qmix")
-BASELINES = ("random", "greedy-matrix", "greedy-posterior", "imitation", "planner")
-# of a training; seconds of work for a plan
+ALGORITHMS = ("ippo", "ippo-gru", "mappo", "iql", "vdn", "qmix", "ppo")
+NAMES = {"ippo-gru": "IPPO with a GRU", "ppo": "PPO, own loop"}
+YARDSTICK = "planner, all known"
+BASELINES = ("random", "greedy-matrix", "greedy-posterior", "greedy-forecast", "rollout")
+SLOW = 1  # rounds of policies that are made for each search
 STEPS = 400_000
-PLANNING = 1.0
 KEY = ("algorithm", "task", "seed")
 POINTS = 40  # of a curve
+
+# Tuning: settings near the first one are tried on two tasks, with a seed that no result has.
+TUNED_ON = ("drift", "wreck")
+TUNING_SEED = 100
+TUNING_STEPS = 200_000
+LAST = 0.1  # the part of the curve whose mean success is compared
+Setting = Mapping[str, float]
+FIRST: dict[str, Setting] = {
+    "ppo": {"lr": 3e-3, "entropy": 0.003, "gamma": 0.99, "swarms": 100},
+    **dict.fromkeys(
+        ("ippo", "ippo-gru", "mappo"),
+        {"lr": 1.5e-3, "exploration": 0.001, "gamma": 0.99, "swarms": 100},
+    ),
+    **dict.fromkeys(
+        ("iql", "vdn", "qmix"),
+        {"lr": 5e-4, "exploration": 0.02, "gamma": 0.99, "swarms": 100},
+    ),
+}
+
+
+def candidates(algorithm: str) -> Iterator[Setting]:
+    """The eight settings that are tried: the first one, and others that differ from it in one."""
+    first = FIRST[algorithm]
+    exploration = "entropy" if algorithm == "ppo" else "exploration"
+    yield first
+    for name, factors in (("lr", (0.5, 2.0)), (exploration, (0.2, 5.0))):
+        for factor in factors:
+            yield {**first, name: first[name] * factor}
+    yield {**first, "gamma": 0.95}
+    yield {**first, "gamma": 1.0}
+    yield {**first, "swarms": 50}
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -62,23 +98,56 @@ def append(path: Path, rows: list[dict[str, object]]) -> None:
         writer.writerows(rows)
 
 
+def tune(algorithm: str, task: str, number: int) -> None:
+    """Try a setting, and keep its success at the end of the training."""
+    setting = list(candidates(algorithm))[number]
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary) / "run"
+        cpu = run(algorithm, task, TUNING_SEED, folder, TUNING_STEPS, setting)
+        curve = [float(row["found"]) for row in rows_of(folder / "curve.csv")]
+    last = curve[-math.ceil(LAST * len(curve)) :]
+    key = {"algorithm": algorithm, "task": task, "setting": number}
+    values = {name: f"{value:g}" for name, value in setting.items()}
+    if "entropy" in values:
+        values["exploration"] = values.pop("entropy")
+    order = {name: values[name] for name in ("lr", "exploration", "gamma", "swarms")}
+    success = f"{np.mean(last):.4f}"
+    append(TUNING, [{**key, **order, "success": success, "cpu_seconds": round(cpu)}])
+
+
+def run(
+    algorithm: str, task: str, seed: int, folder: Path, steps: int, setting: Setting | None = None
+) -> float:
+    """Train with the script of the page, by default with its setting; returns the CPU seconds."""
+    command = [sys.executable, str(ROOT / "examples" / script(algorithm))]
+    if algorithm != "ppo":
+        command.append(f"--algorithm={algorithm}")
+    options = {"task": task, "seed": seed, "out": folder, "steps": steps, **(setting or {})}
+    command += [f"--{name}={value}" for name, value in options.items()]
+    before = os.times()
+    subprocess.run([*command, "--no-comparison"], check=True)
+    after = os.times()
+    return sum(after[2:4]) - sum(before[2:4])
+
+
+def script(algorithm: str) -> str:
+    """The script that trains an algorithm."""
+    return "train_own_loop.py" if algorithm == "ppo" else "train_benchmarl.py"
+
+
 def train(algorithm: str, task: str, seed: int) -> None:
     """Train once, as the command on the page does, and keep the result and the curve."""
     key = dict(zip(KEY, (algorithm, task, seed), strict=True))
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary) / "run"
-        options = [f"--{name}={value}" for name, value in key.items()]
-        command = [sys.executable, str(ROOT / "examples/train_benchmarl.py"), *options]
-        before = os.times()
-        subprocess.run([*command, f"--out={folder}", f"--steps={STEPS}"], check=True)
-        after = os.times()
-        cpu = sum(after[2:4]) - sum(before[2:4])
-        [trained] = [
-            row for row in rows_of(folder / "evaluation.csv") if row["policy"].startswith("bench")
-        ]
+        cpu = run(algorithm, task, seed, folder, STEPS)
+        weights = folder / ("checkpoint.pt" if algorithm == "ppo" else "policy.pt")
+        policy = f"{ROOT / 'examples' / script(algorithm)}:Trained:{weights}"
+        sys.path.insert(0, str(ROOT / "examples"))
+        success = TASKS[task].evaluate(policy).success.value
         curve = rows_of(folder / "curve.csv")
-    success = f"{float(trained['success']):.5f}"
-    append(RESULTS, [{**key, "steps": STEPS, "success": success, "cpu_seconds": round(cpu)}])
+    row = {**key, "steps": STEPS, "success": f"{success:.5f}", "cpu_seconds": round(cpu)}
+    append(RESULTS, [row])
     portions = np.array_split(np.arange(len(curve)), POINTS)
     found = np.array([float(row["found"]) for row in curve])
     append(
@@ -86,35 +155,29 @@ def train(algorithm: str, task: str, seed: int) -> None:
         [
             {**key, "steps": curve[which[-1]]["steps"], "found": f"{found[which].mean():.4f}"}
             for which in portions
+            if len(which)
         ],
     )
 
 
 def baseline(name: str, task: str) -> None:
-    """Evaluate a packaged policy on the held-out searches.
-
-    Imitation and the planner may know each search, so they are made for each; their figures are
-    exact, as those of the greedy policies are.
-    """
+    """Evaluate a packaged policy, or the yardstick, on the held-out searches."""
     before = time.process_time()
-    if name in ("imitation", "planner"):
-        searches = TASKS[task].held_out()
-        seconds = PLANNING if len(searches) > 1 else None
-        success = float(np.mean([known(name, search, seconds) for search in searches]))
+    if name == YARDSTICK:
+        n = len(TASKS[task].held_out())
+        found = []
+        with progress(f"{name}, searches", n) as bar:
+            for search in range(n):
+                found.append(TASKS[task].yardstick(search))
+                bar(search + 1)
+        success = float(np.mean(found))
     else:
-        success = TASKS[task].evaluate(name).success.value
+        rounds = None if name in ("random", "greedy-matrix") else SLOW
+        success = TASKS[task].evaluate(name, rounds=rounds).success.value
     cpu = time.process_time() - before
     key = dict(zip(KEY, (name, task, ""), strict=True))
     row = {**key, "steps": "", "success": f"{success:.5f}", "cpu_seconds": round(cpu)}
     append(RESULTS, [row])
-
-
-def known(name: str, search: NamedSearch, seconds: float | None) -> float:
-    """The success of a policy that is made for a held-out search; None: of its usual work."""
-    policy: object = name
-    if name == "planner" and seconds is not None:
-        policy = PlannerPolicy(search.scenario, seconds=seconds)
-    return evaluate(policy, search, episodes=1, name=name).success.value
 
 
 def interquartile_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -154,10 +217,10 @@ def table() -> str:
 
     heads = ["policy", *names, "score", "CPU, minutes"]
     lines = [heads, ["---", *["---:"] * (len(heads) - 1)]]
-    low, high = ([column(each, name) for name in names] for each in ("random", "planner"))
-    for policy in (*BASELINES, *ALGORITHMS):
+    low, high = ([column(each, name) for name in names] for each in ("random", YARDSTICK))
+    for policy in (*BASELINES, YARDSTICK, *ALGORITHMS):
         runs = [column(policy, name) for name in names]
-        shown = policy.upper() if policy in ALGORITHMS else f"`{policy}`"
+        shown = NAMES.get(policy, policy.upper()) if policy in ALGORITHMS else f"`{policy}`"
         cells = [shown, *(cell([values]) if len(values) else "" for values in runs), ""]
         if all(map(len, [*runs, *low, *high])):
             ends = zip(runs, low, high, strict=True)
@@ -178,19 +241,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=["train", "baselines", "report"])
+    parser.add_argument("what", choices=["tune", "train", "baselines", "report"])
     parser.add_argument("--algorithms", nargs="+", choices=ALGORITHMS, default=ALGORITHMS)
+    parser.add_argument("--policies", nargs="+", default=(*BASELINES, YARDSTICK))
     parser.add_argument("--tasks", nargs="+", choices=list(TASKS), default=list(TASKS))
     parser.add_argument("--seeds", nargs="+", type=int, default=range(5))
     options = parser.parse_args()
     done = {tuple(row[name] for name in KEY) for row in rows_of(RESULTS)}
-    if options.what == "train":
+    if options.what == "tune":
+        tried = {(row["algorithm"], row["task"], row["setting"]) for row in rows_of(TUNING)}
+        tasks = [task for task in TUNED_ON if task in options.tasks]
+        for number, task, name in itertools.product(range(8), tasks, options.algorithms):
+            if (name, task, str(number)) not in tried:
+                tune(name, task, number)
+    elif options.what == "train":
         runs = itertools.product(options.tasks, options.seeds, options.algorithms)
         for task, seed, algorithm in runs:
             if (algorithm, task, str(seed)) not in done:
                 train(algorithm, task, seed)
     elif options.what == "baselines":
-        for task, name in itertools.product(options.tasks, BASELINES):
+        for task, name in itertools.product(options.tasks, options.policies):
             if (name, task, "") not in done:
                 baseline(name, task)
     else:

@@ -2,10 +2,11 @@
 
     pip install "DroneSwarmSearchEnvironment[benchmarl]"
     python examples/train_benchmarl.py --out runs/ippo
-    python examples/train_benchmarl.py --out runs/qmix --algorithm qmix --task medium
+    python examples/train_benchmarl.py --out runs/qmix --algorithm qmix --task wreck
 
 All drones share one policy. Masks prevent crashes. MAPPO's critic and QMIX's mixer see the state,
-which shows the person; the policy does not. Other models of BenchMARL take the same task.
+which shows the persons; the policy does not. With ``--algorithm ippo-gru`` the policy of IPPO has a
+memory. Other models of BenchMARL take the same task.
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ import math
 import warnings
 from os.path import relpath
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
 from benchmarl.algorithms import IppoConfig, IqlConfig, MappoConfig, QmixConfig, VdnConfig
 from benchmarl.experiment import Callback, Experiment, ExperimentConfig
+from benchmarl.models.gru import GruConfig
 from benchmarl.models.mlp import MlpConfig
 from tensordict import TensorDictBase
 from torch import nn
@@ -30,30 +33,54 @@ from DroneSwarmSearch.adapters.torchrl import logits
 from DroneSwarmSearch.evaluation import View
 from DroneSwarmSearch.training import TASKS, Task
 
-NUM_SWARMS = 100  # searches; each is flown once between two updates
 ALGORITHMS = {
     "ippo": IppoConfig,
+    "ippo-gru": IppoConfig,
     "mappo": MappoConfig,
     "vdn": VdnConfig,
     "qmix": QmixConfig,
     "iql": IqlConfig,
 }
 
-# In the coverage mission nobody is found: a search pays the swarm the probability of success that
-# it adds, which is less noisy than a find.
-MISSION = {"mission": "coverage"}
-# of PPO
-LEARNING_RATE = 1.5e-3
-ENTROPY = 0.001
+
+class Setting(NamedTuple):
+    """What was tuned, see `benchmarks/tuning.csv`.
+
+    Attributes:
+        lr: the learning rate at the start.
+        exploration: PPO's bonus for entropy at the start; otherwise, the last share of random
+            actions.
+        gamma: the discount.
+        swarms: searches, each of which is flown once between two updates.
+    """
+
+    lr: float
+    exploration: float
+    gamma: float
+    swarms: int
+
+
+PPO = Setting(lr=1.5e-3, exploration=0.001, gamma=0.99, swarms=100)
+VALUES = Setting(lr=5e-4, exploration=0.02, gamma=0.99, swarms=100)
+SETTINGS = {
+    "ippo": PPO,
+    "ippo-gru": PPO,
+    "mappo": PPO,
+    "vdn": VALUES,
+    "qmix": VALUES,
+    "iql": VALUES,
+}
 
 # The most drones in a swarm that share their rewards: all are paid the mean. VDN and QMIX divide
 # the value of the swarm among its drones. Other algorithms learn faster from a drone's own
 # searches, but two drones of PPO cooperate better if they share.
-SHARING = {"vdn": math.inf, "qmix": math.inf, "ippo": 2, "mappo": 2, "iql": 0}
+SHARING = {"vdn": math.inf, "qmix": math.inf, "ippo": 2, "ippo-gru": 2, "mappo": 2, "iql": 0}
 
 # A search adds about .01. Values this small vanish in the errors of a new network, and drones that
 # take the largest value then follow the largest error.
 VALUE_SCALE = 128.0
+
+MEMORY = 128  # numbers that a drone remembers, with "ippo-gru"
 
 # What the policy is shown, in training and evaluation.
 SHOWN = {"observation": "crops", "right_of_way": True}
@@ -64,11 +91,15 @@ warnings.filterwarnings("ignore", module="torch")  # how BenchMARL uses TorchRL
 class Annealing(Callback):
     """Lets PPO's learning rates and bonus for entropy fall to 0, and IQL's rate from half-time."""
 
+    def __init__(self, entropy: float) -> None:
+        super().__init__()
+        self._entropy = entropy
+
     def on_batch_collected(self, batch: TensorDictBase) -> None:
         experiment = self.experiment
         left = 1 - experiment.n_iters_performed / experiment.config.max_n_iters
         if experiment.on_policy:
-            experiment.losses["drones"].entropy_coeff.fill_(ENTROPY * left)
+            experiment.losses["drones"].entropy_coeff.fill_(self._entropy * left)
         else:
             left = min(2 * left, 1.0)
         for optimiser in experiment.optimizers["drones"].values():
@@ -78,14 +109,16 @@ class Annealing(Callback):
 class Curve(Callback):
     """Logs the learning curve; BenchMARL's own logs have more columns."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, column: str) -> None:
         super().__init__()
         self._path = path
+        self._column = f"collection/{column}"
 
     def on_batch_collected(self, batch: TensorDictBase) -> None:
         logged = self.experiment.task.log_info(batch)
-        found = logged["collection/probability_of_success"]
-        training.log_row(self._path, steps=self.experiment.total_frames, found=found)
+        if self._column in logged:  # episodes have ended
+            found = logged[self._column]
+            training.log_row(self._path, steps=self.experiment.total_frames, found=found)
 
 
 class Trained(TrainedPolicy):
@@ -99,36 +132,39 @@ class Trained(TrainedPolicy):
     def __init__(self, scenario: Scenario, path: str) -> None:
         torch.set_num_threads(1)
         algorithm, policy = torch.load(path, weights_only=False)
+        hidden = {"_hidden_gru_0": (1, MEMORY)} if algorithm == "ippo-gru" else {}
         view = View("drone", action_mask=True, bayesian_update=True, **SHOWN)
         greedy = not ALGORITHMS[algorithm].on_policy()
-        super().__init__(logits(policy, scenario.n_drones), deterministic=greedy, view=view)
+        super().__init__(logits(policy, scenario.n_drones, hidden), deterministic=greedy, view=view)
 
 
-def make_config(folder: Path, steps: int, task: Task, algorithm: str) -> ExperimentConfig:
+def make_config(
+    folder: Path, steps: int, task: Task, algorithm: str, setting: Setting
+) -> ExperimentConfig:
     """BenchMARL's defaults, adapted to a small task and a CPU."""
     config = ExperimentConfig.get_from_yaml()
     drones = task.parameters["n_drones"]
-    batch = NUM_SWARMS * task.parameters["timestep_limit"]
+    batch = setting.swarms * task.parameters["timestep_limit"]
     config.max_n_frames = None
     config.max_n_iters = math.ceil(steps / batch)
-    config.on_policy_n_envs_per_worker = NUM_SWARMS
+    config.on_policy_n_envs_per_worker = setting.swarms
     config.on_policy_collected_frames_per_batch = batch
     config.checkpoint_at_end = True
     config.on_policy_n_minibatch_iters = 4
     config.on_policy_minibatch_size = 1000
-    config.lr = LEARNING_RATE
+    config.lr = setting.lr
+    config.gamma = setting.gamma
     config.clip_grad_val = 0.5
     if not ALGORITHMS[algorithm].on_policy():
-        config.off_policy_n_envs_per_worker = NUM_SWARMS
+        config.off_policy_n_envs_per_worker = setting.swarms
         config.off_policy_collected_frames_per_batch = batch
-        config.off_policy_n_optimizer_steps = 100
+        config.off_policy_n_optimizer_steps = setting.swarms
         # In steps of the swarm. From a short memory, IQL forgets what other actions than the best
         # lead to; VDN, whose drones share a value, needs what the others do now.
         config.off_policy_train_batch_size = 1024 // drones
         config.off_policy_memory_size = (800_000 if algorithm == "iql" else 200_000) // drones
-        config.exploration_eps_end = 0.02
+        config.exploration_eps_end = setting.exploration
         config.exploration_anneal_frames = steps // 2
-        config.lr = 5e-4
         config.clip_grad_val = 5.0
     config.evaluation = False  # the script compares with the baselines at the end
     config.loggers = ["csv"]
@@ -138,45 +174,69 @@ def make_config(folder: Path, steps: int, task: Task, algorithm: str) -> Experim
 
 
 def main() -> None:
-    critics = "IPPO's critic sees the drone's observation, MAPPO's and QMIX's mixer the state"
     options = begin(
         "Train drones with BenchMARL.",
-        algorithm={"choices": list(ALGORITHMS), "default": "ippo", "help": critics},
-        task={"choices": list(TASKS), "default": "small", "help": "of the benchmark"},
+        algorithm={
+            "choices": list(ALGORITHMS),
+            "default": "ippo",
+            "help": "IPPO's critic sees the drone's observation, MAPPO's and QMIX's mixer the state",
+        },
+        task={"choices": list(TASKS), "default": "drift", "help": "of the benchmark"},
         steps={"type": int, "default": 400_000, "help": "environment steps in all"},
+        lr={"type": float, "help": "learning rate; by default, this and the next ones as tuned"},
+        exploration={"type": float, "help": "bonus for entropy, or last share of random actions"},
+        gamma={"type": float, "help": "discount"},
+        swarms={"type": int, "help": "searches flown between two updates"},
     )
     torch.set_num_threads(options.threads)
-    algorithm = ALGORITHMS[options.algorithm].get_from_yaml()
+    name = options.algorithm
+    given = {key: getattr(options, key) for key in Setting._fields}
+    setting = SETTINGS[name]._replace(**{key: x for key, x in given.items() if x is not None})
+    algorithm = ALGORITHMS[name].get_from_yaml()
     task = TASKS[options.task]
     drones = task.parameters["n_drones"]
     scale = drones / 2  # a drone's share of the success is the smaller, the more there are
-    callbacks = [Curve(options.out / "curve.csv")]
+    column = "share_found" if task.has_several_persons else "probability_of_success"
+    callbacks = [Curve(options.out / "curve.csv", column)]
     if algorithm.on_policy():
-        algorithm.entropy_coef = ENTROPY
+        algorithm.entropy_coef = setting.exploration
         algorithm.lmbda = 0.95
     else:
         scale *= VALUE_SCALE
-    if algorithm.on_policy() or options.algorithm == "iql":
-        callbacks.insert(0, Annealing())
-    rewards = {"shared_reward": drones <= SHARING[options.algorithm], "reward_scale": scale}
-    state = {"state": options.algorithm in ("mappo", "qmix")}
+    if algorithm.on_policy() or name == "iql":
+        callbacks.insert(0, Annealing(setting.exploration))
+    rewards = {"shared_reward": drones <= SHARING[name], "reward_scale": scale}
+    state = {"state": name in ("mappo", "qmix")}
     layers = {"num_cells": [128, 128], "layer_class": nn.Linear, "activation_class": nn.Tanh}
+    of_drones = MlpConfig(**layers)
     of_state = MlpConfig(**layers, num_feature_dims=3)
     experiment = Experiment(
-        task=SearchTask.SEARCH.get_task(
-            {**task.parameters, "sampler": task.sampler, **SHOWN, **MISSION, **rewards, **state}
-        ),
+        task=SearchTask.SEARCH.get_task({**task.training, **SHOWN, **rewards, **state}),
         algorithm_config=algorithm,
-        model_config=MlpConfig(**layers),
-        critic_model_config=of_state if options.algorithm == "mappo" else None,
+        model_config=with_memory() if name == "ippo-gru" else of_drones,
+        critic_model_config=of_state if name == "mappo" else of_drones,
         seed=options.seed,
-        config=make_config(options.out, options.steps, task, options.algorithm),
+        config=make_config(options.out, options.steps, task, name, setting),
         callbacks=callbacks,
     )
     experiment.run()
-    torch.save((options.algorithm, experiment.policy), options.out / "policy.pt")
+    torch.save((name, experiment.policy), options.out / "policy.pt")
     trained = f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}"
-    finish(trained, f"benchmarl-{options.algorithm}", options, task=task)
+    finish(trained, f"benchmarl-{name}", options, task=task)
+
+
+def with_memory() -> GruConfig:
+    """A policy that remembers what it has seen in the episode."""
+    return GruConfig(
+        hidden_size=MEMORY,
+        n_layers=1,
+        bias=True,
+        dropout=0.0,
+        compile=False,
+        mlp_num_cells=[128],
+        mlp_layer_class=nn.Linear,
+        mlp_activation_class=nn.Tanh,
+    )
 
 
 if __name__ == "__main__":

@@ -10,12 +10,15 @@ length for any grid and swarm. Masks prevent crashes. Names follow CleanRL (S. H
 
 The drones train in the coverage mission: nobody is found, and a search pays the drone the
 probability of success that it adds. This is the mean of a reward for finding, without its variance.
+
+With ``--task wreck`` or another task of the benchmark, they train on its searches instead.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Mapping
 from os.path import relpath
 from typing import Any
 
@@ -24,25 +27,22 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 from tqdm import tqdm
-from training_script import begin
+from training_script import begin, finish
 
 from DroneSwarmSearch import Action, RewardScheme, Scenario, training
 from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.evaluation import Evaluation, NamedSearch, View, evaluate, search
+from DroneSwarmSearch.training import TASKS
 from DroneSwarmSearch.vector import DroneVectorEnv
 
 INPUTS = 202
 GRID_SIZE = 25
 DRONES = 4
-SWARMS = 256
+POS = "probability_of_success"
 NUM_STEPS = 32
 UPDATE_EPOCHS = 3
 MINIBATCH_SIZE = 4096
 HIDDEN = 64
-# at the start; annealed
-LEARNING_RATE = 3e-3
-ENT_COEF = 0.003
-GAMMA = 0.99
 GAE_LAMBDA = 0.95
 CLIP_COEF = 0.2
 VF_COEF = 30.0
@@ -63,19 +63,24 @@ def sampler(rng: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def make_envs(searches: int) -> DroneVectorEnv:
+RANDOM_SEARCHES = {
+    "grid_size": GRID_SIZE,
+    "n_drones": DRONES,
+    "timestep_limit": 80,
+    "bayesian_update": True,
+    "mission": "coverage",
+    "sampler": sampler,
+}
+
+
+def make_envs(searches: int, parameters: Mapping[str, Any]) -> DroneVectorEnv:
     return DroneVectorEnv(
         searches,
         observation="crops",
         action_mask="observation",
         right_of_way=True,
         autoreset_mode="SameStep",
-        grid_size=GRID_SIZE,
-        n_drones=DRONES,
-        timestep_limit=80,
-        bayesian_update=True,
-        mission="coverage",
-        sampler=sampler,
+        **parameters,
     )
 
 
@@ -123,11 +128,16 @@ class Trained(TrainedPolicy):
 
 
 def rollout(
-    envs: DroneVectorEnv, agent: Agent, data: dict[str, torch.Tensor], observations: Any
+    envs: DroneVectorEnv,
+    agent: Agent,
+    data: dict[str, torch.Tensor],
+    observations: Any,
+    gamma: float,
 ) -> tuple[Any, list[float]]:
     """Step all searches, and write the transitions into `data`, whose arrays are reused.
 
-    Returns the next observations, and the probabilities of success of the episodes that ended.
+    Returns the next observations, and for each episode that ended the probability of success, or of
+    several persons the share that was found.
     """
     ended: list[float] = []
     for t in range(NUM_STEPS):
@@ -140,19 +150,24 @@ def rollout(
                 data[key] = values.new_empty(NUM_STEPS, *values.shape)
             data[key][t] = values
         if dones.any():
-            ended += infos["final_info"]["probability_of_success"][dones].tolist()
-    add_advantages(data, agent.act(observations)["values"])
+            final = infos["final_info"]
+            several = final["persons_found"].shape[1] > 1
+            found = final["persons_found"].mean(axis=1) if several else final[POS]
+            ended += found[dones].tolist()
+    add_advantages(data, agent.act(observations)["values"], gamma)
     return observations, ended
 
 
-def add_advantages(data: dict[str, torch.Tensor], next_values: torch.Tensor) -> None:
+def add_advantages(
+    data: dict[str, torch.Tensor], next_values: torch.Tensor, gamma: float
+) -> None:
     """Add advantages and returns. Every end is terminal: the drones observe the remaining time."""
     advantages = torch.zeros_like(data["values"])
     last = torch.zeros_like(next_values)
     for t in reversed(range(NUM_STEPS)):
         nextnonterminal = ~data["dones"][t]
-        delta = data["rewards"][t] + GAMMA * nextnonterminal * next_values - data["values"][t]
-        last = delta + GAMMA * GAE_LAMBDA * nextnonterminal * last
+        delta = data["rewards"][t] + gamma * nextnonterminal * next_values - data["values"][t]
+        last = delta + gamma * GAE_LAMBDA * nextnonterminal * last
         advantages[t] = last
         next_values = data["values"][t]
     data["returns"] = advantages + data["values"]
@@ -160,15 +175,19 @@ def add_advantages(data: dict[str, torch.Tensor], next_values: torch.Tensor) -> 
 
 
 def update(
-    agent: Agent, optimizer: torch.optim.Optimizer, data: dict[str, torch.Tensor], frac: float
+    agent: Agent,
+    optimizer: torch.optim.Optimizer,
+    data: dict[str, torch.Tensor],
+    options: argparse.Namespace,
+    frac: float,
 ) -> float:
     """Update the agent, with the fraction of the training that remains; returns the entropy."""
-    optimizer.param_groups[0]["lr"] = LEARNING_RATE * max(frac, 0.05)
+    optimizer.param_groups[0]["lr"] = options.lr * max(frac, 0.05)
     used = "obs", "masks", "actions", "logprobs", "advantages", "returns"
     data = {key: data[key].flatten(0, 1) for key in used}
     arrays = {key: values[:MINIBATCH_SIZE].clone() for key, values in data.items()}
     for _ in range(UPDATE_EPOCHS):
-        for indices in torch.randperm(NUM_STEPS * SWARMS * DRONES).split(MINIBATCH_SIZE):
+        for indices in torch.randperm(len(data["actions"])).split(MINIBATCH_SIZE):
             mb = {key: out[: len(indices)] for key, out in arrays.items()}
             for key, values in data.items():
                 torch.index_select(values, 0, indices, out=mb[key])
@@ -178,7 +197,7 @@ def update(
             pg_loss = -torch.min(ratio * mb["advantages"], clipped * mb["advantages"]).mean()
             entropy = -(logprobs.exp() * logprobs).sum(dim=0).mean()
             v_loss = (values - mb["returns"]).square().mean()
-            loss = pg_loss - ENT_COEF * frac * entropy + VF_COEF * v_loss
+            loss = pg_loss - options.entropy * frac * entropy + VF_COEF * v_loss
             optimizer.zero_grad()
             loss.backward()
             nn.utils.clip_grad_norm_(agent.parameters(), MAX_GRAD_NORM)
@@ -200,21 +219,22 @@ def train(agent: Agent, options: argparse.Namespace) -> None:
         seconds = state["seconds"]
         torch.manual_seed(options.seed + steps)
     started = time.monotonic() - seconds
-    envs = make_envs(SWARMS)
+    searches = TASKS[options.task].training if options.task else RANDOM_SEARCHES
+    envs = make_envs(options.swarms, searches)
     # A resumed training plays new searches.
     observations, _ = envs.reset(seed=options.seed + steps)
     data: dict[str, torch.Tensor] = {}
     ended: list[float] = []
     while steps < options.steps:
-        observations, successes = rollout(envs, agent, data, observations)
-        entropy = update(agent, optimizer, data, 1.0 - steps / options.steps)
-        steps = steps + NUM_STEPS * SWARMS
+        observations, successes = rollout(envs, agent, data, observations, options.gamma)
+        entropy = update(agent, optimizer, data, options, 1.0 - steps / options.steps)
+        steps = steps + NUM_STEPS * options.swarms
         seconds = time.monotonic() - started
         state = {"agent": agent.state_dict(), "optimizer": optimizer.state_dict()}
         torch.save({**state, "steps": steps, "seconds": seconds}, checkpoint.with_suffix(".new"))
         checkpoint.with_suffix(".new").replace(checkpoint)  # never leave half a checkpoint
         ended += successes
-        if len(ended) >= SWARMS * DRONES // 2:  # the few that end early are the easy ones
+        if len(ended) >= envs.num_envs // 2:  # the few that end early are the easy ones
             found = float(np.mean(ended))
             training.log_row(curve, steps=steps, seconds=seconds, found=found, entropy=entropy)
             ended = []
@@ -222,7 +242,7 @@ def train(agent: Agent, options: argparse.Namespace) -> None:
 
 def random_searches(count: int) -> list[NamedSearch]:
     """Searches for a person, drawn like those in training."""
-    envs = make_envs(count)
+    envs = make_envs(count, RANDOM_SEARCHES)
     found = []
     envs.reset(seed=TEST_SEED)
     for row in range(count):
@@ -248,6 +268,11 @@ def main() -> None:
         "Train drones with PPO in one file of PyTorch.",
         "checkpoint.pt",
         steps={"type": int, "default": 16_000_000, "help": "environment steps in all"},
+        task={"choices": list(TASKS), "help": "of the benchmark, in place of random searches"},
+        swarms={"type": int, "default": 256, "help": "searches that are stepped together"},
+        lr={"type": float, "default": 3e-3, "help": "learning rate at the start; it falls to 0"},
+        entropy={"type": float, "default": 0.003, "help": "its bonus at the start; it falls to 0"},
+        gamma={"type": float, "default": 0.99, "help": "the discount"},
     )
     torch.set_num_threads(options.threads)
     torch.manual_seed(options.seed)
@@ -255,12 +280,18 @@ def main() -> None:
         train(Agent(), options)
     except KeyboardInterrupt:
         raise SystemExit("\ninterrupted: --resume continues from the last update") from None
+    if options.no_comparison:
+        return
+    policy = f"{relpath(__file__)}:Trained:{options.out / 'checkpoint.pt'}"
+    if options.task:
+        finish(policy, "ppo", options, task=TASKS[options.task])
+        return
     if (curve := options.out / "curve.csv").exists():
         title = "Random searches, such as those of the training"
         training.plot_curve(curve, baselines=baselines(random_searches(50)), title=title)
     print(f'\nOn the search "{TEST_SEARCH}", which is not part of the training:')
     training.compare_with_baselines(
-        f"{relpath(__file__)}:Trained:{options.out / 'checkpoint.pt'}",
+        policy,
         search(TEST_SEARCH).with_posterior(True).parameters,
         episodes=options.episodes,
         name="ppo",

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from DroneSwarmSearch.training import TASKS, Task, compare_with_baselines, plot_curve
+from DroneSwarmSearch.training import TRAINING_TASK, Task, compare_with_baselines, plot_curve
 
 
 def begin(
@@ -18,8 +18,8 @@ def begin(
 ) -> argparse.Namespace:
     """Read the options of a training script, and create its folder.
 
-    All scripts have `out`, a folder that must be new; `seed`; `threads`; and `episodes`, of the
-    comparison.
+    All scripts have `out`, a folder that must be new; `seed`; `threads`; `episodes`, of the
+    comparison; and `no_comparison`.
 
     Args:
         description: of the script, for ``--help``.
@@ -38,6 +38,7 @@ def begin(
     add("--seed", type=int, default=0, help="of all random numbers")
     add("--threads", type=int, default=1, help="of PyTorch; more rarely help")
     add("--episodes", type=int, default=1000, help="of the comparison")
+    add("--no-comparison", action="store_true", help="only train")
     parsed = parser.parse_args()
     if checkpoints and parsed.resume != any(parsed.out.glob(checkpoints)):
         parser.error(f"{parsed.out} holds {'no' if parsed.resume else 'a'} training to resume")
@@ -52,19 +53,21 @@ def finish(
     name: str,
     options: argparse.Namespace,
     *curves: Path,
-    task: Task = TASKS["small"],
+    task: Task = Task(TRAINING_TASK),
     **plot: Any,
 ) -> None:
-    """Compare a trained policy with the baselines on a task, and plot its curve.
+    """Compare a trained policy with the baselines on a task, and plot its curve; or neither.
 
     Args:
         policy: as for `evaluation.evaluate`.
         name: the policy's name in tables.
         options: those of `begin`.
         curves: the files of learning curves; by default curve.csv in the folder.
-        task: of the benchmark; the small one is `TRAINING_TASK`.
+        task: of the benchmark, or by default `TRAINING_TASK`.
         plot: more arguments of `plot_curve`.
     """
+    if options.no_comparison:
+        return
     _, *baselines = compare_with_baselines(
         policy,
         task if task.sampler else task.parameters,

@@ -1,5 +1,10 @@
 """The runs of the benchmark as its page has them: shared by tests."""
 
+import sys
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+
 import algorithms
 
 RESULTS, CURVES = (algorithms.rows_of(path) for path in (algorithms.RESULTS, algorithms.CURVES))

@@ -50,7 +50,8 @@ MOVES = {
 }
 
 
-# The default, the sparse one, one whose sums are not exact in binary, and expected finds.
+# The default, the sparse one, one whose sums are not exact in binary, and expected finds of both
+# kinds.
 SCHEMES = [
     RewardScheme(),
     RewardScheme.sparse(),
@@ -59,7 +60,9 @@ SCHEMES = [
         find_early=7.7, timeout=11.3, leave_grid=13.9, collision=17.1,
     ),
     RewardScheme.expected(3.3),
+    RewardScheme.expected(2.7, given_misses=True),
 ]  # fmt: skip
+SCHEME_NAMES = ["usual", "sparse", "fractions", "expected", "given-misses"]
 
 # What a drone may intend: an action, or a goal that makes rare events likely.
 HUNT = 6  # move to the nearest missing person, and search there

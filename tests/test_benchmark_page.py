@@ -1,15 +1,8 @@
 """The table and the curves of the benchmark are those of its CSV files."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
-
-import algorithms
-from benchmark_runs import CURVES, RESULTS, RUNS
+from benchmark_runs import CURVES, RESULTS, RUNS, algorithms
 
 from DroneSwarmSearch.training import TASKS
 

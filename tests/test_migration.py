@@ -181,7 +181,8 @@ def test_parameters_of_2023():
 def test_rewards_of_2023():
     table = rows(section(OF_2023, "Rewards"))
     figures = {code(row[2]): float(code(row[1])) for row in table}
-    assert {**figures, "expected_finds": False} == dataclasses.asdict(RewardScheme())
+    flags = {"expected_finds": False, "given_misses": False}
+    assert {**figures, **flags} == dataclasses.asdict(RewardScheme())
 
 
 def test_endings_of_2023():

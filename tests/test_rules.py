@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers import SCHEMES
+from helpers import SCHEME_NAMES, SCHEMES
 
 from DroneSwarmSearch import Action, Ending, RewardScheme
 from DroneSwarmSearch.core import (
@@ -96,6 +96,8 @@ def test_expected_pays_the_added_probability_of_success():
     assert RewardScheme.expected().find == 1.0
     with pytest.raises(TypeError, match=r"RewardScheme\.expected_finds must be True or False"):
         RewardScheme(expected_finds=1)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"RewardScheme\.given_misses must be False without"):
+        RewardScheme(given_misses=True)
 
 
 @pytest.mark.parametrize(
@@ -123,7 +125,7 @@ def test_endings(happened, expected):
     assert ending is expected
 
 
-@pytest.mark.parametrize("scheme", SCHEMES, ids=["default", "sparse", "other", "expected"])
+@pytest.mark.parametrize("scheme", SCHEMES, ids=SCHEME_NAMES)
 @pytest.mark.parametrize("limit", [1, 3])
 def test_outcomes_of_a_batch_equal_those_of_each_search(scheme, limit):
     """In random steps, with figures around each threshold, to the last bit."""

@@ -53,6 +53,7 @@ SCENARIOS = {
     "expected": {"reward_scheme": RewardScheme.expected()},
     "coverage": {"mission": "coverage"},
     "forecast": {"bayesian_update": False},
+    "given misses": {"reward_scheme": RewardScheme.expected(given_misses=True)},
     "expected, forecast": {"bayesian_update": False, "reward_scheme": RewardScheme.expected()},
 }
 
@@ -135,6 +136,30 @@ def test_expected_rewards_of_a_coverage_mission_add_up_to_the_probability_of_suc
         total += rewards["drone0"]
     assert total == pytest.approx(infos["probability_of_success"], abs=1e-9)
     assert total > 0.3
+
+
+@pytest.mark.parametrize("shared_drift", [True, False])
+def test_expected_rewards_given_misses_have_the_mean_of_the_share_found(shared_drift):
+    """And less variance."""
+    scheme = RewardScheme.expected(given_misses=True)
+    scenario = wreck(3, crash="block", reward_scheme=scheme).replace(shared_drift=shared_drift)
+    batch = SearchBatch(4000, scenario=scenario)
+    batch.reset(list(range(4000)))
+    paid = np.zeros(4000)
+    shares = np.zeros(4000)
+    rng = np.random.default_rng(0)
+    for _ in range(scenario.timestep_limit):
+        actions = rng.integers(0, 6, (4000, 2))
+        actions[:, 1] = np.where(rng.random(4000) < 0.5, 4, actions[:, 1])
+        going = ~batch.ended
+        missing = batch.missing.mean(axis=1)
+        batch.step(actions)
+        paid[going] += batch.rewards[going].sum(axis=1)
+        shares[going] += (missing - batch.missing.mean(axis=1))[going]
+    assert 0.2 < shares.mean() < 0.95
+    difference = paid - shares
+    assert abs(difference.mean()) < 4.0 * difference.std() / np.sqrt(4000)
+    assert paid.var() < shares.var()
 
 
 @pytest.mark.parametrize("bayesian", [True, False])

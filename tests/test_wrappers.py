@@ -11,7 +11,7 @@ import pytest
 from crowded_searches import SEVERAL_PERSONS as MISSION
 from crowded_searches import SMALL
 from gymnasium import spaces
-from helpers import SCHEMES, plain
+from helpers import SCHEME_NAMES, SCHEMES, plain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pettingzoo import ParallelEnv
@@ -295,7 +295,7 @@ def test_other_drones_are_added(inner, case):
             wanted = plainly.step(actions)[0]
 
 
-@pytest.mark.parametrize("scheme", SCHEMES, ids=["usual", "sparse", "fractions", "expected"])
+@pytest.mark.parametrize("scheme", SCHEMES, ids=SCHEME_NAMES)
 @pytest.mark.parametrize(("seed", "scale"), [(0, 2.0**-40), (1, 2.0**40)])
 def test_scaled_rewards_can_be_scaled_back_to_the_last_bit(scheme, seed, scale):
     env = ScaledRewards(DroneSwarmSearch(reward_scheme=scheme, **MISSION), scale)

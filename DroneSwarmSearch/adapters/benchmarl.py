@@ -17,6 +17,7 @@ with imports_of("benchmarl"):
     from DroneSwarmSearch.adapters.torchrl import (
         GROUP,
         PROBABILITY,
+        SHARE_FOUND,
         STATE,
         SUCCESS,
         SearchEnv,
@@ -30,8 +31,9 @@ class SearchClass(TaskClass):
     """A task with your own parameters; ``SearchTask.SEARCH.get_task(config)`` makes one.
 
     MAPPO's critic and QMIX's mixer see the state, which shows the persons; the policies do not.
-    The logs contain "collection/success_rate", over the episodes that end in a batch, and
-    "collection/probability_of_success", their mean probability of success, if the infos hold it.
+    The logs contain "collection/success_rate" and "collection/share_found", the mean share of the
+    persons found, over the episodes that end in a batch; and "collection/probability_of_success",
+    their mean probability of success, if the infos hold it.
 
     Args:
         name: the name of the task.
@@ -82,7 +84,7 @@ class SearchClass(TaskClass):
 
     @staticmethod
     def log_info(batch: TensorDictBase) -> dict[str, float]:
-        keys = {"success_rate": SUCCESS}
+        keys = {"success_rate": SUCCESS, "share_found": SHARE_FOUND}
         if PROBABILITY in batch["next"].keys(include_nested=True):
             keys["probability_of_success"] = PROBABILITY
         metrics = {name: episode_metrics(batch, success=key) for name, key in keys.items()}

@@ -39,6 +39,7 @@ __all__ = [
     "RETURN",
     "REWARD",
     "STATE",
+    "SHARE_FOUND",
     "SUCCESS",
     "VALUE",
     "SearchEnv",
@@ -63,6 +64,7 @@ REWARD = (GROUP, "reward")
 STATE = "state"
 SUCCESS = ("info", "is_success")
 PROBABILITY = ("info", "probability_of_success")
+SHARE_FOUND = ("info", "share_found")
 """What critics and logs are shown."""
 
 LOGITS = (GROUP, "logits")
@@ -102,7 +104,8 @@ class SearchEnv(EnvBase):
     - "state": `DroneSwarmSearch.state` of each swarm, float32, (num_swarms, 3, N, N), if
       `state` is True. It shows the persons: give it to critics, not to policies.
     - ("info", ...): "is_success", "Found", "ending" and, if there is one,
-      "probability_of_success", as in the infos of `SwarmVectorEnv`: (num_swarms, 1).
+      "probability_of_success", as in the infos of `SwarmVectorEnv`; and "share_found", the share of
+      the persons who have been found: (num_swarms, 1).
 
     TorchRL resets swarms whose episodes have ended; "_reset" selects them. `set_seed(s)` seeds
     swarm i with s + i when it is reset next, and its later episodes follow from that.
@@ -190,6 +193,7 @@ class SearchEnv(EnvBase):
         if self.vector_env.batch.probability_of_success is not None:
             infos["probability_of_success"] = Bounded(0.0, 1.0, shape, dtype=torch.float64)
         self._info_names = tuple(infos)
+        infos["share_found"] = Bounded(0.0, 1.0, shape, dtype=torch.float64)
         return Composite(infos, shape=self.batch_size, device=self.device)
 
     def _set_seed(self, seed: int | None) -> None:
@@ -225,6 +229,7 @@ class SearchEnv(EnvBase):
         drones = drones.reshape(*self.batch_size, self.n_drones)
         drones["action_mask"] = drones["action_mask"].bool()
         infos = {name: self._by_drone(self._infos[name])[:, 0].clone() for name in self._info_names}
+        infos["share_found"] = self._by_drone(self._infos["persons_found"].mean(axis=1))[:, 0]
         tensors: dict[str, Any] = {
             GROUP: drones,
             "info": TensorDict(infos, batch_size=self.batch_size),
@@ -275,7 +280,7 @@ def episode_metrics(batch: TensorDictBase, success: Key = SUCCESS) -> dict[str, 
     Args:
         batch: from a collector, with the returns that the transform ``RewardSum`` writes.
         success: the entry whose mean is "found", next to "reward", the mean return of a drone:
-            `SUCCESS`, or in the coverage mission `PROBABILITY`.
+            `SUCCESS`, with several persons `SHARE_FOUND`, or in the coverage mission `PROBABILITY`.
     """
     ended = batch["next"][batch["next", "done"].squeeze(-1)]
     if not len(ended):
@@ -284,24 +289,65 @@ def episode_metrics(batch: TensorDictBase, success: Key = SUCCESS) -> dict[str, 
 
 
 def logits(
-    policy: TensorDictModuleBase, n_drones: int
+    policy: TensorDictModuleBase,
+    n_drones: int,
+    hidden: Mapping[str, tuple[int, ...]] | None = None,
 ) -> Callable[[Mapping[str, Any]], NDArray[Any]]:
     """The network of a policy of TorchRL or BenchMARL, for `TrainedPolicy`.
 
-    `policy` reads `OBSERVATION` and `ACTION_MASK` of swarms of `n_drones`, and writes `LOGITS` or
-    `ACTION_VALUE`. With values, pass ``deterministic=True`` to `TrainedPolicy`.
+    Args:
+        policy: reads `OBSERVATION` and `ACTION_MASK` of swarms of `n_drones`, and writes `LOGITS`
+            or `ACTION_VALUE`. With values, pass ``deterministic=True`` to `TrainedPolicy`.
+        n_drones: of a swarm.
+        hidden: the names of a recurrent policy's hidden states, and their shapes for each drone.
+            It reads them and "is_init", and writes the next ones under "next".
     """
+    return _Recurrent(policy, n_drones, hidden) if hidden else _Masked(policy, n_drones)
 
-    def masked_logits(observations: Mapping[str, Any]) -> NDArray[Any]:
+
+class _Masked:
+    """The logits of a policy that acts on what it sees, see `logits`."""
+
+    def __init__(self, policy: TensorDictModuleBase, n_drones: int) -> None:
+        self._policy = policy
+        self._n_drones = n_drones
+
+    def __call__(self, observations: Mapping[str, Any]) -> NDArray[Any]:
         count = len(observations["action_mask"])
-        drones = TensorDict(dict(observations), batch_size=count).reshape(-1, n_drones)
+        drones = TensorDict(dict(observations), batch_size=count).reshape(-1, self._n_drones)
         drones["action_mask"] = drones["action_mask"].bool()
-        batch = TensorDict({GROUP: drones}, batch_size=count // n_drones)
+        batch = TensorDict({GROUP: drones}, batch_size=count // self._n_drones)
         with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
-            written = policy(batch)
+            written = self._written(batch)
         values = written[LOGITS if LOGITS in written.keys(include_nested=True) else ACTION_VALUE]
         masked = values.masked_fill(~drones["action_mask"], LEAST_LOGIT)
         by_drone: NDArray[Any] = masked.flatten(0, 1).numpy()
         return by_drone
 
-    return masked_logits
+    def _written(self, batch: TensorDict) -> Any:
+        return self._policy(batch)
+
+
+class _Recurrent(_Masked):
+    """The logits of a policy that carries hidden states from step to step."""
+
+    def __init__(
+        self, policy: TensorDictModuleBase, n_drones: int, hidden: Mapping[str, tuple[int, ...]]
+    ) -> None:
+        super().__init__(policy, n_drones)
+        self._hidden = hidden
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was seen: episodes begin."""
+        self._states: dict[str, torch.Tensor] = {}
+
+    def _written(self, batch: TensorDict) -> Any:
+        swarms = len(batch)
+        batch["is_init"] = torch.full((swarms, 1), not self._states)
+        for name, shape in self._hidden.items():
+            begin = torch.zeros(swarms, self._n_drones, *shape)
+            batch[GROUP, name] = self._states.get(name, begin)
+        written = self._policy(batch)
+        self._states = {name: written["next", GROUP, name] for name in self._hidden}
+        return written

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,12 +18,17 @@ class TrainedPolicy:
     """A trained network as a policy for `evaluation.evaluate`.
 
     Args:
-        logits: from the observations of M drones (or swarms), in the form of `evaluate`, to the
+        logits: a callable from the observations of M drones (or swarms), in the form of `evaluate`, to the
             logits of their actions, shape (M, 6) (or (M, n_drones, 6)), very low for masked
-            actions. Each adapter has a function `logits` that makes one.
+            actions. Each adapter has a function `logits` that makes one. If it remembers what it
+            has seen, it has a method `reset()` that forgets it; see `remembers`.
         deterministic: whether to take the most likely actions. By default, actions are sampled,
             as PPO does while it learns; the samples follow from the seeds of the episodes.
         view: the form, the layout and the masks of the training.
+
+    Attributes:
+        remembers: whether `logits` has a method `reset`. Evaluations then show all searches in
+            every step, in the same order, even those that have ended.
 
     Raises:
         TypeError: `deterministic` is not a bool.
@@ -31,18 +36,21 @@ class TrainedPolicy:
 
     def __init__(
         self,
-        logits: Callable[[Any], NDArray[Any]],
+        logits: Any,
         deterministic: bool = False,
         view: View = View(),  # noqa: B008 (it is frozen)
     ) -> None:
         self.view = view
         self._logits = logits
+        self.remembers = hasattr(logits, "reset")
         self._deterministic = checks.boolean("deterministic", deterministic)
         self.reset(seed=0)
 
     def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
-        """Seed the sampling of actions; `evaluate` calls this before it plays episodes."""
+        """Begin episodes with a seed of the sampling; `evaluate` calls this before it plays them."""
         self._generator = np.random.default_rng(seed)
+        if self.remembers:
+            self._logits.reset()
 
     def __call__(self, observations: Any) -> NDArray[np.int64]:
         """Actions, int64, shape (M,) or (M, n_drones)."""

@@ -8,6 +8,8 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from DroneSwarmSearch._internal.arrays import Floats, Singles
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.drift.belief import (
@@ -99,6 +101,19 @@ class Knowledge:
         else:
             added = shared_added_success(shared, beliefs, cells, self.missing, alive)
         return mean_over_missing(added, ())
+
+    def expected_share(self, cells: Sequence[int]) -> Floats:
+        """The share of the persons that a search of each cell finds in the mean: (n,).
+
+        Given all that is known, persons who are missing have been missed so far.
+        """
+        beliefs, _ = self._begun()
+        shares = np.zeros((len(beliefs), len(cells)))
+        for person in self.missing:
+            belief = beliefs[person]
+            worth = belief.detection * self._persons[person].alive(self.step)
+            shares[person] = worth * belief.map().reshape(-1)[cells]
+        return mean_over_missing(list(shares), ())
 
     def _begun(self) -> tuple[list[Belief], SharedDrift | None]:
         """The beliefs, which begin with the first search, and what they share."""

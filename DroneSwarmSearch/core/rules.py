@@ -106,10 +106,12 @@ class RewardScheme:
         collision: being in the same cell as another drone after moving.
         expected_finds: whether a search pays `find` times the probability of success that it
             adds, in place of what it finds or does not find; see `expected`.
+        given_misses: whether that probability is given that those still missing have been missed.
 
     Raises:
-        TypeError: a figure is not a real number, or `expected_finds` is not a bool.
-        ValueError: a figure is beyond ±1e100, so that sums of rewards could overflow.
+        TypeError: a figure is not a real number, or a flag is not a bool.
+        ValueError: a figure is beyond ±1e100, so that sums of rewards could overflow; or
+            `given_misses` is True without `expected_finds`.
     """
 
     step: float = 1.0
@@ -122,9 +124,13 @@ class RewardScheme:
     leave_grid: float = -100_000.0
     collision: float = -100_000.0
     expected_finds: bool = False
+    given_misses: bool = False
 
     def __post_init__(self) -> None:
         checks.boolean("RewardScheme.expected_finds", self.expected_finds)
+        checks.boolean("RewardScheme.given_misses", self.given_misses)
+        if self.given_misses and not self.expected_finds:
+            raise ValueError("RewardScheme.given_misses must be False without expected_finds")
         for name in self._figures():
             figure = checks.real(f"RewardScheme.{name}", getattr(self, name), -_LARGEST, _LARGEST)
             object.__setattr__(self, name, figure)
@@ -135,7 +141,7 @@ class RewardScheme:
         return cls(find=1.0, **cls._zeros())
 
     @classmethod
-    def expected(cls, find: float = 1.0) -> RewardScheme:
+    def expected(cls, find: float = 1.0, *, given_misses: bool = False) -> RewardScheme:
         """Pay each search `find` times the probability of success (POS) that it adds.
 
         All other figures are 0. The reward does not depend on where the person is, only on
@@ -146,10 +152,17 @@ class RewardScheme:
         the probability, given the finds, that one is in the cell and has been missed so far.
         Persons with `survival` count as much as the probability that they are alive in that step.
 
+        In a rescue, the sum of an episode is then less than the share of the persons found in the
+        mean, because a late search pays little even while everybody is missing. With `given_misses`,
+        a search pays the mean over persons of b(k) q, and nothing for those who have been found:
+        what it finds in the mean, given all that is known. The return is then an unbiased estimate
+        of the share found, for policies that learn from finds.
+
         Args:
-            find: the reward of a certain find.
+            find: the reward of a certain find, of all persons.
+            given_misses: see above.
         """
-        return cls(find=find, expected_finds=True, **cls._zeros())
+        return cls(find=find, expected_finds=True, given_misses=given_misses, **cls._zeros())
 
     @classmethod
     def _figures(cls) -> list[str]:

@@ -51,7 +51,7 @@ class WorldState:
         self._models = scenario.forecasts()
         self._detections = scenario.detections
         self._shared_weights = scenario.shared_weights
-        self._pays_expectation = scenario.reward_scheme.expected_finds
+        self._scheme = scenario.reward_scheme
         self.is_rescue = scenario.mission == "rescue"
         self.persons = tuple(range(len(self._models)))
         self._n_drones = scenario.n_drones
@@ -229,10 +229,12 @@ class WorldState:
         """What each search pays for, by drone, before `search`.
 
         The matrix's value for the cell; or, with `RewardScheme.expected_finds`, the added success
-        times the probability that the person is alive.
+        or the expected share found, times the probability that the person is alive.
         """
         cells = [*searches]
-        if self._pays_expectation:
+        if self._scheme.given_misses:
+            values = dict(zip(cells, self.known.expected_share(cells).tolist(), strict=True))
+        elif self._scheme.expected_finds:
             values = dict(zip(cells, self.known.added_success(cells).tolist(), strict=True))
         else:
             values = {cell: self._matrix.item(cell) for cell in cells}

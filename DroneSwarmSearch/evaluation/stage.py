@@ -103,9 +103,12 @@ class Stage:
         self._size = scenario.grid_size
         self._neighbours = Grid.of(scenario.grid_size).neighbours
         self._observations = BatchObservations(batch, view)
+        self._every = np.arange(batch.num_rows)
 
     def actions(self, policy: PolicyLike, rows: Ints) -> Ints:
         """The policy's validated actions in some rows: int64, (n, n_drones)."""
+        if getattr(policy, "remembers", False) and len(rows) < len(self._every):
+            return self.actions(policy, self._every)[rows]
         observations: Any = self._observations.of_rows(rows)
         if self._view.form == "parallel":
             observations = self._by_drone(observations)

@@ -39,12 +39,15 @@ class BatchPolicy(ABC):
         knows: what the drones act on in a search with a `radio_range`: "own": each on what it has
             done and heard; "agreed": all on what they knew before the start; "all": on what all
             drones together know. The last is for yardsticks; only evaluations show it.
+        reads_persons: whether actions follow from the persons of the scenario, and not only from
+            what is observed: such a policy steers no searches for other persons.
 
     Raises:
         TypeError: `scenario` is not a `Scenario`.
     """
 
     knows: ClassVar[str] = OWN
+    reads_persons: ClassVar[bool] = True
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = checked_scenario(scenario)

@@ -133,6 +133,8 @@ class GreedyPolicy(_Greedy):
     first cell row by row.
     """
 
+    reads_persons = False
+
     def begin(self) -> Floats:
         """The fraction by which recent searches lower each cell's value, shape (N, N)."""
         return np.zeros((self.scenario.grid_size, self.scenario.grid_size))

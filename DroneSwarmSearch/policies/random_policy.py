@@ -26,6 +26,8 @@ class RandomPolicy(BatchPolicy):
     `reset` sets another one; a reset without a seed starts the next episode of the same sequence.
     """
 
+    reads_persons = False
+
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self._targets = Grid.of(scenario.grid_size).targets  # [cell, action]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -11,21 +11,28 @@ import numpy as np
 
 from DroneSwarmSearch._internal.progress import progress as shown_progress
 from DroneSwarmSearch.core.named_search import NamedSearch
+from DroneSwarmSearch.core.rules import RewardScheme
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.evaluation.episodes import Episodes
 from DroneSwarmSearch.evaluation.results import Evaluation
 from DroneSwarmSearch.evaluation.rollout import roll_out
-from DroneSwarmSearch.evaluation.run import Case
+from DroneSwarmSearch.evaluation.run import Case, evaluate
 from DroneSwarmSearch.evaluation.stage import PolicyLike, copied, prepared
 from DroneSwarmSearch.layouts.view import View
+from DroneSwarmSearch.persons.hypotheses import Drift
 from DroneSwarmSearch.persons.person import Person
+from DroneSwarmSearch.policies import PlannerPolicy
+from DroneSwarmSearch.policies.base import BatchPolicy
 from DroneSwarmSearch.vector.engine import Sampler
 
 SEED = 1_000_000  # of held-out episodes; training usually starts from small seeds
 EPISODES = 500  # of a round
+ROUNDS = 4  # for several persons
 
 PRECISION = 0.001  # half of the 95% interval of the success, at which no further round is flown
 MOST_ROUNDS = 40
+
+PLANNING = 1.0  # seconds of work for a plan of the yardstick
 
 TRAINING_TASK: dict[str, Any] = {
     "grid_size": 10,
@@ -38,7 +45,8 @@ TRAINING_TASK: dict[str, Any] = {
 }
 """Parameters of `DroneSwarmSearch`: two drones search a 10 x 10 grid for a drifting person.
 
-The matrix is the posterior, so a policy needs no memory; the task takes minutes to learn.
+The matrix is the posterior, so a policy needs no memory; the task takes minutes to learn. It is one
+to try a trainer with, and not part of the benchmark.
 """
 
 
@@ -54,12 +62,34 @@ class Task:
     parameters: Mapping[str, Any]
     sampler: Sampler | None = None
 
+    @property
+    def has_several_persons(self) -> bool:
+        """Whether there are several persons, whose finds change what the drones know."""
+        return len(Scenario(**self.parameters).persons_to_find) > 1
+
+    @property
+    def training(self) -> dict[str, Any]:
+        """Parameters of a vector environment to train in, with the sampler.
+
+        A search pays the mean of a reward for finding, given what is known, without its variance:
+        with one person in the coverage mission, in which nobody is found, and else by
+        `RewardScheme.expected(given_misses=True)`.
+        """
+        pays: dict[str, Any] = {"mission": "coverage"}
+        if self.has_several_persons:
+            pays = {"reward_scheme": RewardScheme.expected(given_misses=True)}
+        return {**self.parameters, **pays, "sampler": self.sampler}
+
     def held_out(self) -> list[NamedSearch]:
-        """The 500 searches to test on, or the only one, as coverage missions."""
+        """The 500 searches to test on, or the only one.
+
+        With one person they are coverage missions, in which a policy's success is exact.
+        """
         rng = np.random.default_rng(SEED)
         draw = self.sampler or (lambda rng: {})
         drawn = [draw(rng) for _ in range(EPISODES if self.sampler else 1)]
-        given = [{**self.parameters, **new, "mission": "coverage"} for new in drawn]
+        mission = "rescue" if self.has_several_persons else "coverage"
+        given = [{**self.parameters, **new, "mission": mission} for new in drawn]
         reason = "No policy has trained on it."
         return [
             NamedSearch(f"held-out-{n}", reason, Scenario(**one)) for n, one in enumerate(given)
@@ -72,17 +102,20 @@ class Task:
         view: View | str | None = None,
         deterministic: bool | None = None,
         name: str | None = None,
+        rounds: int | None = None,
         progress: bool = True,
     ) -> Evaluation:
         """Evaluate a policy on the held-out searches, which are the same for everybody.
 
-        The success is the mean over them. That of a deterministic policy is exact after one round
-        of 500 episodes, one of each search. Others fly more rounds, with the next seeds, until the
-        95% interval is the success +- 0.1 points; it accounts for the actions that they draw.
+        The success is the mean over them, and with several persons the mean share of the persons
+        that are found. A round is one episode of each search, 500 in all. With one person, a
+        deterministic policy is exact after a round; others fly rounds, with the next seeds, until
+        the 95% interval is the success +- 0.1 points. With several persons, all fly four rounds,
+        and the interval accounts for the draws of episodes.
 
-        One policy flies all episodes together, made from the `Scenario` of the first: it must not
-        know more of the person than it observes. Evaluate others, such as the planner, in every
-        search of `held_out`.
+        Policies that read the persons of a scenario (`BatchPolicy.reads_persons`), such as
+        "greedy-posterior", are made for each search. Of any other, one flies all episodes together,
+        made from the `Scenario` of the first: it must not know more than it observes.
 
         Args:
             policy: as for `evaluation.evaluate`.
@@ -90,39 +123,78 @@ class Task:
             deterministic: whether its actions depend on nothing but what it has observed, as for
                 `evaluate`.
             name: the policy's name in results.
+            rounds: how many to fly; without, as above.
             progress: show a progress bar on a terminal, if tqdm is installed.
+
+        Raises:
+            TypeError: `policy` is an object that reads persons.
         """
         first, *_ = searches = self.held_out()
         case = Case.of(policy, first, view, deterministic, name)
         persons = tuple(search.scenario.persons_to_find for search in searches)
         scenario = case.search.scenario.replace(persons=persons[0])
         combined = _SeveralSearches("held-out", first.reason, scenario, situations=persons)
-        made = prepared(case.spec, first)
-        flown = [_round(made, combined, 0, case.view)]
+        is_exact = case.is_exact and not self.has_several_persons
         result = partial(
             Evaluation,
             policy=case.spec.name,
             search=combined,
             seed=SEED,
             view=case.view,
-            is_exact=case.is_exact,
+            is_exact=is_exact,
             strata=len(searches),
         )
-        if case.is_exact and len(searches) == 1:
-            return result(episodes=flown[0].with_common_curve())
-        if case.is_exact:
+        if issubclass(case.spec.kind, BatchPolicy) and case.spec.kind.reads_persons:
+            if isinstance(policy, BatchPolicy):
+                raise TypeError(
+                    "policy must be a name or a class, because one is made for each search, got "
+                    f"an instance of {case.spec.kind.__name__}"
+                )
+            fly = partial(_round_of_each, case, searches, progress)
+        else:
+            fly = partial(_round, prepared(case.spec, first), combined, case.view)
+        flown = [fly(0)]
+        if is_exact:
             if deterministic:  # nobody else vouches for it
-                again = _round(made, combined, 1, case.view)
-                flown[0].check_alike(again)
+                flown[0].check_alike(fly(1))
+            if len(searches) == 1:
+                return result(episodes=flown[0].with_common_curve())
             return result(episodes=flown[0])
-        with shown_progress(f"{case.spec.name}, rounds", MOST_ROUNDS, progress) as bar:
-            while len(flown) < MOST_ROUNDS:
-                flown.append(_round(made, combined, len(flown), case.view))
+        most = rounds or (ROUNDS if self.has_several_persons else MOST_ROUNDS)
+        with shown_progress(f"{case.spec.name}, rounds", most, progress) as bar:
+            bar(1)
+            while len(flown) < most:
+                flown.append(fly(len(flown)))
                 bar(len(flown))
                 success = result(episodes=Episodes.joined(flown)).success
-                if success.high - success.low <= 2.0 * PRECISION:
+                if rounds is None and success.high - success.low <= 2.0 * PRECISION:
                     break
         return result(episodes=Episodes.joined(flown))
+
+    def yardstick(self, search: int) -> float:
+        """What a plan finds that knows what no policy does, in one of the held-out searches.
+
+        It is that of `planner` with a second of work, and exact. With several persons who drift
+        together, it knows the hypothesis by which they do, drawn anew for each search, and its
+        drones hear each other. The mean over the searches is the 100 of the benchmark's score.
+
+        Args:
+            search: the number of the search.
+        """
+        chosen = self.held_out()[search]
+        scenario = chosen.scenario
+        if scenario.shared_drift:
+            rng = np.random.default_rng((SEED, search))
+            cases = scenario.by_hypothesis()
+            weights = np.array([weight for weight, _ in cases])
+            _, scenario = cases[rng.choice(len(cases), p=weights / weights.sum())]
+            alike = scenario.persons_to_find[:1]
+            scenario = scenario.replace(
+                persons=alike, shared_drift=False, radio_range=None, mission="coverage"
+            )
+        known = NamedSearch(chosen.name, chosen.reason, scenario)
+        planner = PlannerPolicy(scenario, seconds=PLANNING)
+        return evaluate(planner, known, episodes=1, progress=False).success.value
 
 
 @dataclass(frozen=True)
@@ -137,23 +209,95 @@ class _SeveralSearches(NamedSearch):
         return {**super().parameters, "situations": self.situations, "situation": which}
 
 
-def _round(policy: PolicyLike, search: _SeveralSearches, number: int, view: View) -> Episodes:
+def _round(policy: PolicyLike, search: _SeveralSearches, view: View, number: int) -> Episodes:
     """One episode of each of the held-out searches, or 500 of the only one."""
     first = SEED + number * EPISODES
-    return roll_out(copied(policy), search, range(first, first + EPISODES), view)
+    return _flown(copied(policy), search, range(first, first + EPISODES), view)
 
 
-def _any_drift(grid_size: int, rng: np.random.Generator) -> dict[str, Any]:
-    """Draw the start, a sixth of the grid or more from its border, and a drift."""
-    start = rng.integers(grid_size // 6, grid_size - grid_size // 6, 2)
-    return {"person_initial_position": start, "vector": rng.uniform(-0.3, 0.3, 2)}
+def _round_of_each(
+    case: Case, searches: Sequence[NamedSearch], progress: bool, number: int
+) -> Episodes:
+    """`_round` of a policy that is made for each search."""
+    first = SEED + number * EPISODES
+    seeds = np.arange(first, first + EPISODES).reshape(-1, len(searches))
+    flown = []
+    with shown_progress(f"{case.spec.name}, searches", len(searches), progress) as bar:
+        for index, search in enumerate(searches):
+            policy = prepared(case.spec, search)
+            flown.append(_flown(policy, search, seeds[:, index].tolist(), case.view))
+            bar(index + 1)
+    return Episodes.joined(flown)
 
 
-def _task(grid_size: int, n_drones: int) -> Task:
-    size = {"grid_size": grid_size, "n_drones": n_drones}
-    more = {"timestep_limit": 60, "bayesian_update": True}
-    return Task({**size, **more}, partial(_any_drift, grid_size))
+def _flown(
+    policy: PolicyLike, search: NamedSearch, seeds: Sequence[int], view: View
+) -> Episodes:
+    """Episodes; with several persons, the curves are the share of them that has been found."""
+    scenario = search.scenario
+    is_one = len(scenario.persons_to_find) == 1
+    episodes = roll_out(policy, search, seeds, view, wants_curves=is_one)
+    if is_one:
+        return episodes
+    steps = np.arange(scenario.timestep_limit + 1)[:, None]
+    found_at = episodes.found_at[:, None]
+    shares = ((found_at > 0) & (found_at <= steps)).mean(axis=2)
+    return replace(episodes, curves=shares)
 
 
-TASKS = {"small": Task(TRAINING_TASK), "medium": _task(20, 4), "large": _task(30, 12)}
-"""The tasks by name, for 2, 4 and 12 drones; in the small one, start and drift are always alike."""
+# The samplers.
+
+
+def _turning(grid_size: int, limit: int, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw a person somewhere in the middle half, in a fast current that turns round and round."""
+    start = rng.uniform(0.25 * grid_size, 0.75 * grid_size, 2)
+    first = rng.uniform(0.0, 2.0 * np.pi)
+    turn = rng.choice([-1.0, 1.0]) * 2.0 * np.pi / rng.uniform(40.0, 80.0)
+    angles = first + turn * np.arange(limit)
+    current = 0.7 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    drift = Drift(start, start_sd=3.0, vector=current, diffusion=0.05)
+    return {"persons": [Person(drift, probability_of_detection=0.8)]}
+
+
+def _wreck(grid_size: int, speed: float, adrift: int, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw a wreck in the middle third, whose six persons drift alike: to one of eight sides, or
+    nowhere."""
+    start = rng.uniform(grid_size / 3.0, 2.0 * grid_size / 3.0, 2)
+    angles = rng.uniform(0.0, 2.0 * np.pi) + np.arange(8) * np.pi / 4.0
+    currents = [(speed * np.cos(angle), speed * np.sin(angle)) for angle in angles]
+    diffusion = 0.8 / adrift
+    drifts = [
+        Drift(start, start_sd=1.0, vector=current, diffusion=diffusion, adrift=adrift)
+        for current in [*currents, (0.0, 0.0)]
+    ]
+    return {"persons": [Person(drifts, probability_of_detection=0.9)] * 6}
+
+
+def _task(
+    sampler: Sampler, grid_size: int, n_drones: int, timestep_limit: int, **more: Any
+) -> Task:
+    """A task whose parameters have the persons of some search, as many as the sampler draws."""
+    parameters = {
+        "grid_size": grid_size,
+        "n_drones": n_drones,
+        "timestep_limit": timestep_limit,
+        "bayesian_update": True,
+        "crash": "block",
+        **more,
+        **sampler(np.random.default_rng(0)),
+    }
+    return Task(parameters, sampler)
+
+
+TASKS = {
+    "drift": _task(partial(_turning, 24, 50), 24, 3, 50),
+    "wreck": _task(partial(_wreck, 20, 0.4, 20), 20, 4, 40, shared_drift=True),
+    "radio": _task(partial(_wreck, 20, 0.4, 20), 20, 4, 40, shared_drift=True, radio_range=4),
+    "fleet": _task(partial(_wreck, 28, 0.2, 50), 28, 12, 36, shared_drift=True),
+}
+"""The tasks by name.
+
+"drift": one person in a fast current that turns. "wreck": six persons who drift together. "radio":
+the same, with drones that hear each other within 4 cells. "fleet": the same on a larger sea, with
+12 drones.
+"""

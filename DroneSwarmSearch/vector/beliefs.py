@@ -342,6 +342,14 @@ class Beliefs:
         added = self.failure[:, who] * worths * np.array(self._at(who, cells))
         return means_over_missing(added, np.ones(added.shape, np.bool_))
 
+    def expected_share(self, who: Ints, cells: Ints, worths: Floats) -> Floats:
+        """The share of the persons that each search finds in the mean: float64, (n,).
+
+        `worths`, (persons, n), as for `added_success`, and 0 for persons who have been found.
+        """
+        shares = worths * np.array(self._at(who, cells))
+        return means_over_missing(shares, np.ones(shares.shape, np.bool_))
+
     def added_together(
         self, shared: SharedDrift, who: Ints, cells: Ints, missing: Flags, worths: Floats
     ) -> Floats:

@@ -24,8 +24,8 @@ class Catalogue:
         forecasts: the different forecasts of their persons.
         forecast_of: the index of each person's forecast in each search: int64, (persons, searches).
         detections: each person's probability of detection: float64, (persons, searches).
-        kinds: the kind of each person, numbered from 0; persons of one kind have equal forecasts and
-            detections in every search, and so equal beliefs: int64, (persons,).
+        kinds: the kind of each person, numbered from 0; persons of one kind have equal forecasts
+            and detections in every search, and so equal beliefs: int64, (persons,).
         shared_weights: of the hypotheses by which all persons of a search drift, padded with 0:
             float64, (hypotheses, searches); None if each person drifts alone.
         alive: the probability that each person is alive after some completed steps, the last of

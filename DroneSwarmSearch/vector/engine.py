@@ -231,8 +231,12 @@ class SearchBatch:
                 cells.append(self._scenario.drone_cells(positions))
             scenarios.append(self._scenario.replace(**changes))
             persons = len(self._world.missing)
-            if len(scenarios[-1].persons_to_find) != persons:
-                raise ValueError(f"sampler must return {persons} persons, got {changes!r}")
+            drawn_persons = len(scenarios[-1].persons_to_find)
+            if drawn_persons != persons:
+                raise ValueError(
+                    f"sampler must return as many persons as the environment has, {persons}, got "
+                    f"{drawn_persons}"
+                )
         if cells and len(cells) < len(scenarios):
             raise ValueError("sampler must return drones_positions for every search, or for none")
         return self._world.extended(scenarios, starting, np.array(cells) if cells else None)

@@ -198,6 +198,17 @@ class Knowledge:
             return self._beliefs.added_together(shared, who, cells, self.missing[:, who], worths)
         return self._beliefs.added_success(who, cells, worths)
 
+    def expected_share(self, rows: Ints, cells: Ints, alive: Floats) -> Floats:
+        """The share of the persons that each search finds in the mean: (n,).
+
+        Arguments as for `added_success`.
+        """
+        assert self._beliefs is not None
+        who = self.of_rows(rows)
+        self._beliefs.begin(who)
+        worths = self.detections(rows) * alive * self.missing[:, who]
+        return self._beliefs.expected_share(who, cells, worths)
+
     def advance(self) -> None:
         """Complete a step: the beliefs drift."""
         if self._beliefs is not None:

@@ -114,11 +114,13 @@ class BatchState:
 
         See `world.WorldState.observed`.
         """
-        if not self._scenario.reward_scheme.expected_finds:
+        scheme = self._scenario.reward_scheme
+        if not scheme.expected_finds:
             return self.known.probabilities(rows, cells).astype(np.float64)
         alive = self.catalogue.alive
         steps = np.minimum(self.step.take(rows), alive.shape[2] - 1)
-        return self.known.added_success(rows, cells, alive[self.situation.take(rows), :, steps].T)
+        pays = self.known.expected_share if scheme.given_misses else self.known.added_success
+        return pays(rows, cells, alive[self.situation.take(rows), :, steps].T)
 
     def tell(self, rows: Ints, drones: Ints, heard: Flags | None) -> Flags:
         """Who learns of a step's searches: bool, (n, observers).
