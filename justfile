@@ -72,6 +72,7 @@ benchmark:
     python benchmarks/algorithms.py train
     python benchmarks/algorithms.py baselines
     python benchmarks/algorithms.py report
+    python docs/make_figures.py benchmark
 
 # measure the speed of batches on this machine
 bench *options:

@@ -88,17 +88,18 @@ def own_loop(num_swarms: int, n_drones: int) -> Run:
     """The example's loop."""
     example.GRID_SIZE = GRID_SIZE
     example.DRONES = n_drones
-    example.SWARMS = num_swarms
+    size = {"grid_size": GRID_SIZE, "n_drones": n_drones}
+    setting = argparse.Namespace(lr=example.LEARNING_RATE, entropy=example.ENT_COEF)
     agent = example.Agent()
-    envs = example.make_envs(num_swarms)
+    envs = example.make_envs(num_swarms, {**example.RANDOM_SEARCHES, **size})
     optimizer = torch.optim.Adam(agent.parameters(), fused=True)
     data: dict[str, torch.Tensor] = {}
     observations, _ = envs.reset(seed=0)
 
     def collect_and_update() -> None:
         nonlocal observations
-        observations, _ = example.rollout(envs, agent, data, observations)
-        example.update(agent, optimizer, data, 1.0)
+        observations, _ = example.rollout(envs, agent, data, observations, example.GAMMA)
+        example.update(agent, optimizer, data, setting, 1.0)
 
     return repeated(collect_and_update, NUM_STEPS * num_swarms)
 

@@ -29,7 +29,7 @@ def success_of(agent: example.Agent, searches: int, episodes: int) -> list[float
     """A network's probability of success in each search and episode."""
     results: list[float] = []
     for _ in range(episodes):
-        envs = example.make_envs(searches)
+        envs = example.make_envs(searches, example.RANDOM_SEARCHES)
         observations, _ = envs.reset(seed=example.TEST_SEED)
         success = np.full(envs.num_envs, np.nan)
         while np.isnan(success).any():

@@ -27,6 +27,7 @@ import argparse
 import csv
 import io
 import json
+import math
 import re
 from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout
@@ -1087,61 +1088,45 @@ def radio(theme: Theme, sampling: Sampling) -> Figure:
     return chart
 
 
+BENCHMARKED = (
+    *("random", "greedy-matrix", "greedy-posterior", "greedy-forecast", "rollout"),
+    *("ippo", "ippo-gru", "mappo", "iql", "vdn", "qmix", "ppo"),
+)
+ALL_KNOWN = "planner, all known"
+
+
 @figure("benchmark")
 def benchmark(theme: Theme, sampling: Sampling) -> Figure:
-    """Draw the learning curves of the benchmark: means over the seeds, and their range."""
-    chart = Figure(figsize=(WIDTH, 4.6), layout="constrained")
-    rows = chart.subplots(2, 3, sharex="col", height_ratios=[1, 1.5])
-    with (BENCHMARK / "curves.csv").open(encoding="utf-8", newline="") as file:
-        curves = [*csv.DictReader(file)]
+    """Draw what each policy of the benchmark reaches on each task, all its seeds, and their mean.
+
+    From `python benchmarks/algorithms.py`.
+    """
+    found: dict[tuple[str, str], list[float]] = {}
     with (BENCHMARK / "results.csv").open(encoding="utf-8", newline="") as file:
-        results = [*csv.DictReader(file)]
-    colours = dict(zip(sorted({row["algorithm"] for row in curves}), theme.series, strict=True))
-    levels = {"planner": "-.", "greedy-matrix": (0, (4, 2)), "random": ":"}
-    for number, task in enumerate(TASKS):
-        known = {
-            row["algorithm"]: float(row["success"])
-            for row in results
-            if row["task"] == task and row["algorithm"] in levels
-        }
-        for axes in rows[:, number]:
-            for name, success in known.items():
-                axes.axhline(success, color=theme.grey, linestyle=levels[name], linewidth=1.2)
-            for algorithm, colour in colours.items():
-                mine = [r for r in curves if (r["algorithm"], r["task"]) == (algorithm, task)]
-                draw_range(axes, mine, colour)
-        show_success_over_steps(rows[:, number])
-        rows[0, number].set_title(task)
-        rows[1, number].yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-        best = known["planner"]
-        usual = known["greedy-matrix"]
-        margin = best - usual
-        rows[1, number].set_ylim(usual - 0.75 * margin, best + 0.25 * margin)
-        rows[1, number].set_xlabel("environment steps")
-    for row, label in zip(rows, ("success", "the same, enlarged"), strict=True):
-        row[0].set_ylabel(label)
-    lines = [
-        *(Line2D([], [], color=colour, label=name.upper()) for name, colour in colours.items()),
-        *(
-            Line2D([], [], color=theme.grey, linestyle=dashes, linewidth=1.2, label=name)
-            for name, dashes in levels.items()
-        ),
-    ]
-    chart.legend(handles=lines, loc="outside lower center", ncols=4, handlelength=1.8)
+        for row in csv.DictReader(file):
+            found.setdefault((row["algorithm"], row["task"]), []).append(float(row["success"]))
+    policies = [name for name in BENCHMARKED if any(name == of for of, _ in found)][::-1]
+    chart = Figure(figsize=(WIDTH, 1.3 + 0.22 * len(policies)), layout="constrained")
+    panels = chart.subplots(1, len(TASKS), sharey=True)
+    for axes, task in zip(panels, TASKS, strict=True):
+        axes.set_title(task)
+        [best] = found.get((ALL_KNOWN, task), [math.nan])
+        axes.axvline(best, color=theme.grey, linestyle="-.", linewidth=1.2)
+        for number, name in enumerate(policies):
+            values = found.get((name, task), [])
+            is_trained = len(values) > 1
+            colour = theme.series[1] if is_trained else theme.series[0]
+            axes.plot(values, [number] * len(values), "o", color=colour, markersize=3, alpha=0.5)
+            if values:
+                axes.plot([np.mean(values)], [number], "o", color=colour, markersize=5)
+        axes.set_xlim(0.0, 1.0)
+        axes.xaxis.set_major_locator(MaxNLocator(3))
+        axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+        axes.grid(axis="x")
+    panels[0].set_yticks(range(len(policies)), policies)
+    line = Line2D([], [], color=theme.grey, linestyle="-.", linewidth=1.2, label=ALL_KNOWN)
+    chart.legend(handles=[line], loc="outside lower center")
     return chart
-
-
-def draw_range(axes: Axes, rows: list[dict[str, str]], colour: str) -> None:
-    """Draw the mean of some learning curves, and their range."""
-    found: dict[float, list[float]] = {}
-    for row in rows:
-        found.setdefault(float(row["steps"]), []).append(float(row["found"]))
-    steps = [*found]
-    values = [*found.values()]
-    axes.plot(steps, [*map(np.mean, values)], color=colour, linewidth=1.3)
-    lowest = [*map(min, values)]
-    highest = [*map(max, values)]
-    axes.fill_between(steps, lowest, highest, color=colour, alpha=0.2, linewidth=0)
 
 
 def svg(name: str, theme: Theme, sampling: Sampling = FULL, kind: str = "svg") -> bytes:

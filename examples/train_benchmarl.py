@@ -31,7 +31,7 @@ from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.adapters.benchmarl import SearchTask
 from DroneSwarmSearch.adapters.torchrl import logits
 from DroneSwarmSearch.evaluation import View
-from DroneSwarmSearch.training import TASKS, Task
+from DroneSwarmSearch.training import TASKS, TRAINING_TASK, Task
 
 ALGORITHMS = {
     "ippo": IppoConfig,
@@ -179,9 +179,12 @@ def main() -> None:
         algorithm={
             "choices": list(ALGORITHMS),
             "default": "ippo",
-            "help": "IPPO's critic sees the drone's observation, MAPPO's and QMIX's mixer the state",
+            "help": "IPPO's critic sees the drone's observation, MAPPO's the state",
         },
-        task={"choices": list(TASKS), "default": "drift", "help": "of the benchmark"},
+        task={
+            "choices": list(TASKS),
+            "help": "of the benchmark, in place of the one of all examples",
+        },
         steps={"type": int, "default": 400_000, "help": "environment steps in all"},
         lr={"type": float, "help": "learning rate; by default, this and the next ones as tuned"},
         exploration={"type": float, "help": "bonus for entropy, or last share of random actions"},
@@ -193,7 +196,7 @@ def main() -> None:
     given = {key: getattr(options, key) for key in Setting._fields}
     setting = SETTINGS[name]._replace(**{key: x for key, x in given.items() if x is not None})
     algorithm = ALGORITHMS[name].get_from_yaml()
-    task = TASKS[options.task]
+    task = TASKS[options.task] if options.task else Task(TRAINING_TASK)
     drones = task.parameters["n_drones"]
     scale = drones / 2  # a drone's share of the success is the smaller, the more there are
     column = "share_found" if task.has_several_persons else "probability_of_success"

@@ -43,6 +43,10 @@ NUM_STEPS = 32
 UPDATE_EPOCHS = 3
 MINIBATCH_SIZE = 4096
 HIDDEN = 64
+# at the start; annealed
+LEARNING_RATE = 3e-3
+ENT_COEF = 0.003
+GAMMA = 0.99
 GAE_LAMBDA = 0.95
 CLIP_COEF = 0.2
 VF_COEF = 30.0
@@ -158,9 +162,7 @@ def rollout(
     return observations, ended
 
 
-def add_advantages(
-    data: dict[str, torch.Tensor], next_values: torch.Tensor, gamma: float
-) -> None:
+def add_advantages(data: dict[str, torch.Tensor], next_values: torch.Tensor, gamma: float) -> None:
     """Add advantages and returns. Every end is terminal: the drones observe the remaining time."""
     advantages = torch.zeros_like(data["values"])
     last = torch.zeros_like(next_values)
@@ -270,9 +272,17 @@ def main() -> None:
         steps={"type": int, "default": 16_000_000, "help": "environment steps in all"},
         task={"choices": list(TASKS), "help": "of the benchmark, in place of random searches"},
         swarms={"type": int, "default": 256, "help": "searches that are stepped together"},
-        lr={"type": float, "default": 3e-3, "help": "learning rate at the start; it falls to 0"},
-        entropy={"type": float, "default": 0.003, "help": "its bonus at the start; it falls to 0"},
-        gamma={"type": float, "default": 0.99, "help": "the discount"},
+        lr={
+            "type": float,
+            "default": LEARNING_RATE,
+            "help": "learning rate at the start; it falls to 0",
+        },
+        entropy={
+            "type": float,
+            "default": ENT_COEF,
+            "help": "its bonus at the start; it falls to 0",
+        },
+        gamma={"type": float, "default": GAMMA, "help": "the discount"},
     )
     torch.set_num_threads(options.threads)
     torch.manual_seed(options.seed)

@@ -53,7 +53,7 @@ def finish(
     name: str,
     options: argparse.Namespace,
     *curves: Path,
-    task: Task = Task(TRAINING_TASK),
+    task: Task | None = None,
     **plot: Any,
 ) -> None:
     """Compare a trained policy with the baselines on a task, and plot its curve; or neither.
@@ -68,6 +68,7 @@ def finish(
     """
     if options.no_comparison:
         return
+    task = task or Task(TRAINING_TASK)
     _, *baselines = compare_with_baselines(
         policy,
         task if task.sampler else task.parameters,

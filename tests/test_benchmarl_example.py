@@ -1,9 +1,14 @@
 """The BenchMARL task."""
 
+import re
+import shutil
+from pathlib import Path
+
 import pytest
+from documents import ROOT
 from trainer_examples import python
 
-pytest.importorskip("benchmarl")
+benchmarl = pytest.importorskip("benchmarl")
 
 pytestmark = pytest.mark.slow
 
@@ -42,7 +47,7 @@ batch = TransformedEnv(make(), task.get_reward_sum_transform(env)).rollout(
 ended = batch["next", "done"].squeeze(-1)
 assert ended.sum() >= 3
 logged = {f"collection/{name}": batch["next", "info", key][ended].double().mean().item()
-          for name, key in (("success_rate", "is_success"),
+          for name, key in (("success_rate", "is_success"), ("share_found", "share_found"),
                             ("probability_of_success", "probability_of_success"))}
 assert task.log_info(batch).keys() == logged.keys()
 assert all(abs(task.log_info(batch)[name] - mean) < 1e-6 for name, mean in logged.items())
@@ -56,4 +61,56 @@ def test_the_task_describes_the_environment(tmp_path):
     """Its specs fit, and its logs contain the success rate."""
     script = tmp_path / "task.py"
     script.write_text(TASK, "utf-8")
+    assert python(script).splitlines()[-1] == "passed"
+
+
+EXPERIMENT = """
+import warnings
+warnings.simplefilter("ignore")
+from torch import nn
+from benchmarl.algorithms import IppoConfig
+from benchmarl.environments import task_config_registry
+from benchmarl.experiment import Experiment, ExperimentConfig
+from benchmarl.models.mlp import MlpConfig
+
+tasks = {name: task for name, task in task_config_registry.items() if "droneswarm" in name}
+assert [*tasks] == [f"droneswarmsearch/{name}" for name in ("drift", "wreck", "radio", "fleet")]
+for task in tasks.values():
+    config = ExperimentConfig.get_from_yaml()
+    config.max_n_frames = None
+    config.max_n_iters = 1
+    config.on_policy_n_envs_per_worker = 2
+    config.on_policy_collected_frames_per_batch = 100
+    config.on_policy_n_minibatch_iters = 1
+    config.evaluation = False
+    config.loggers = []
+    config.create_json = False
+    layers = MlpConfig(num_cells=[8], layer_class=nn.Linear, activation_class=nn.Tanh)
+    experiment = Experiment(
+        task=task.get_from_yaml(),
+        algorithm_config=IppoConfig.get_from_yaml(),
+        model_config=layers,
+        critic_model_config=layers,
+        seed=0,
+        config=config,
+    )
+    experiment.run()
+print("passed")
+"""
+
+
+def test_the_tasks_offered_to_benchmarl_run_in_it(tmp_path):
+    """In a copy of the installed package, with the files and lines that its README names."""
+    offered = ROOT / "benchmarks" / "for_benchmarl"
+    copy = tmp_path / "benchmarl"
+    shutil.copytree(Path(benchmarl.__file__).parent, copy)
+    shutil.copytree(offered / "benchmarl", copy, dirs_exist_ok=True)
+    readme = (offered / "README.md").read_text("utf-8")
+    [line] = re.findall(r"^from \.droneswarmsearch.*$", readme, re.MULTILINE)
+    registry = copy / "environments" / "__init__.py"
+    text = registry.read_text("utf-8")
+    text = text.replace("\ntasks = [", f"\n{line}\n\ntasks = [DroneSwarmSearchTask, ", 1)
+    registry.write_text(text, "utf-8")
+    script = tmp_path / "experiment.py"
+    script.write_text(EXPERIMENT, "utf-8")
     assert python(script).splitlines()[-1] == "passed"

@@ -76,7 +76,11 @@ def test_a_new_catalogue_serves_episodes_under_way_before_their_next_step():
 BAD_SAMPLES: list[tuple[Any, type[Exception], str]] = [
     ({"timestep_limit": 5}, ValueError, "'timestep_limit'"),
     ({"vector": (0, NAN)}, ValueError, "vector"),
-    ({PERSON: [(0, 0), (1, 1)]}, ValueError, "sampler must return as many persons as the environment has, 1, got 2"),
+    (
+        {PERSON: [(0, 0), (1, 1)]},
+        ValueError,
+        "sampler must return as many persons as the environment has, 1, got 2",
+    ),
     ({DRONES: [(0, 0), (0, 0)]}, ValueError, f"{DRONES} must hold different cells"),
     (KeyError("broken"), KeyError, "broken"),
 ]

@@ -18,10 +18,10 @@ class TrainedPolicy:
     """A trained network as a policy for `evaluation.evaluate`.
 
     Args:
-        logits: a callable from the observations of M drones (or swarms), in the form of `evaluate`, to the
-            logits of their actions, shape (M, 6) (or (M, n_drones, 6)), very low for masked
-            actions. Each adapter has a function `logits` that makes one. If it remembers what it
-            has seen, it has a method `reset()` that forgets it; see `remembers`.
+        logits: a callable from the observations of M drones (or swarms), in the form of
+            `evaluate`, to the logits of their actions, shape (M, 6) (or (M, n_drones, 6)), very low
+            for masked actions. Each adapter has a function `logits` that makes one. If it remembers
+            what it has seen, it has a method `reset()` that forgets it; see `remembers`.
         deterministic: whether to take the most likely actions. By default, actions are sampled,
             as PPO does while it learns; the samples follow from the seeds of the episodes.
         view: the form, the layout and the masks of the training.
@@ -47,7 +47,7 @@ class TrainedPolicy:
         self.reset(seed=0)
 
     def reset(self, seed: int | Sequence[int], rows: None = None) -> None:
-        """Begin episodes with a seed of the sampling; `evaluate` calls this before it plays them."""
+        """Begin episodes, with a seed of the sampling; `evaluate` calls this first."""
         self._generator = np.random.default_rng(seed)
         if self.remembers:
             self._logits.reset()

@@ -153,10 +153,10 @@ class RewardScheme:
         Persons with `survival` count as much as the probability that they are alive in that step.
 
         In a rescue, the sum of an episode is then less than the share of the persons found in the
-        mean, because a late search pays little even while everybody is missing. With `given_misses`,
-        a search pays the mean over persons of b(k) q, and nothing for those who have been found:
-        what it finds in the mean, given all that is known. The return is then an unbiased estimate
-        of the share found, for policies that learn from finds.
+        mean, because a late search pays little even while everybody is missing. With
+        `given_misses`, a search pays the mean over persons of b(k) q, and nothing for those who
+        have been found: what it finds in the mean, given all that is known. The return is then an
+        unbiased estimate of the share found, for policies that learn from finds.
 
         Args:
             find: the reward of a certain find, of all persons.
