@@ -18,7 +18,14 @@ from DroneSwarmSearch._internal.cells import cell_position
 from DroneSwarmSearch._internal.files import parsed_json, write_text
 from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.core.grid import Cell
-from DroneSwarmSearch.core.scenario import LATER, REPLACED, Scenario, checked_scenario
+from DroneSwarmSearch.core.rules import RewardScheme
+from DroneSwarmSearch.core.scenario import (
+    LATER,
+    LATER_FIGURES,
+    REPLACED,
+    Scenario,
+    checked_scenario,
+)
 from DroneSwarmSearch.geo.scale import Scale
 from DroneSwarmSearch.persons.hypotheses import Hypotheses
 from DroneSwarmSearch.persons.person import Person
@@ -112,6 +119,9 @@ class NamedSearch:
         for name in LATER:
             if data[name] == getattr(Scenario, name):
                 del data[name]
+        for name in LATER_FIGURES:
+            if data["reward_scheme"][name] == getattr(RewardScheme, name):
+                del data["reward_scheme"][name]
         return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
     def save(self, path: str | os.PathLike[str]) -> None:
