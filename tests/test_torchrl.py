@@ -20,7 +20,7 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)
     from torchrl.collectors import Collector
 from tensordict import TensorDictBase
-from tensordict.nn import TensorDictModule
+from tensordict.nn import TensorDictModule, TensorDictModuleBase
 from torch import nn
 from torchrl.envs import (
     ActionMask,
@@ -39,6 +39,8 @@ from DroneSwarmSearch.adapters import TrainedPolicy
 from DroneSwarmSearch.adapters.torchrl import (
     ACTION,
     ACTION_MASK,
+    ACTION_VALUE,
+    GROUP,
     LOGITS,
     OBSERVATION,
     PPO_KEYS,
@@ -293,6 +295,31 @@ def test_trained_policies_are_evaluated_as_they_were_trained(layout):
         assert torch.equal(shown, evaluated)
     assert results[0].endings[Ending.COLLISION] == results[0].endings[Ending.LEFT_GRID] == 0
     assert results[0].success == results[1].success
+
+
+class Counting(TensorDictModuleBase):
+    """A policy that counts its steps in a hidden state, and takes the action of that number."""
+
+    in_keys: ClassVar = [OBSERVATION, (GROUP, "count"), "is_init"]
+    out_keys: ClassVar = [ACTION_VALUE, ("next", GROUP, "count")]
+
+    def forward(self, batch: TensorDictBase) -> TensorDictBase:
+        begins = batch["is_init"][:, None]
+        count = torch.where(begins, torch.zeros_like(batch[GROUP, "count"]), batch[GROUP, "count"])
+        batch[ACTION_VALUE] = nn.functional.one_hot(count[..., 0].long(), 6).float()
+        batch["next", GROUP, "count"] = count + 1
+        return batch
+
+
+def test_recurrent_policies_carry_their_hidden_states():
+    view = View("drone", "flat", action_mask=True)
+    trained = TrainedPolicy(logits(Counting(), 2, {"count": (1,)}), deterministic=True, view=view)
+    assert trained.remembers
+    shown = {"observation": np.zeros((4, 3), np.float32), "action_mask": np.ones((4, 6), np.int8)}
+    for _ in range(2):
+        trained.reset(seed=0)
+        assert [trained(shown).tolist() for _ in range(4)] == [[step] * 4 for step in range(4)]
+    assert not TrainedPolicy(logits(Counting(), 2)).remembers
 
 
 def test_gym_env_makes_the_id():

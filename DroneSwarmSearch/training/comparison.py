@@ -63,7 +63,7 @@ def compare_with_baselines(
     print(
         f"\n{protocol.words}; 95% intervals in parentheses;\nsuccess and time without one are "
         "exact.\n"
-        "Success: all persons found within the limit. Time: until then, or the limit.\n"
+        f"Success: {protocol.success} within the limit. Time: until then, or the limit.\n"
         "Crashes: episodes that end with a collision or with a drone off the grid.\n"
         f"Lead of {name} over each baseline, in percentage points and in steps."
     )
@@ -89,12 +89,14 @@ class _Protocol:
         judge: evaluates a policy, with the arguments `view` and `name` of `evaluate`.
         baselines: names of policies of the package.
         words: what is evaluated.
+        success: what counts as success.
     """
 
     search: NamedSearch
     judge: Callable[..., Evaluation]
     baselines: Sequence[str]
     words: str
+    success: str = "all persons found"
 
     @classmethod
     def of(
@@ -108,7 +110,10 @@ class _Protocol:
         if isinstance(parameters, Task):
             searches = parameters.held_out()
             words = f"Means over the {plural(len(searches), 'held-out search', 'es')}"
-            return cls(searches[0], parameters.evaluate, ("random", "greedy-matrix"), words)
+            names = ("random", "greedy-matrix")
+            share = "the share of the persons found"
+            success = share if parameters.has_several_persons else cls.success
+            return cls(searches[0], parameters.evaluate, names, words, success)
         given = dict(parameters)
         drones = given.pop("drones_positions", ())
         reason = f"An episode that {name} has not trained on."

@@ -4,13 +4,6 @@
 #  LICENSE file in the root directory of this source tree.
 #
 
-from dataclasses import MISSING, dataclass
+from benchmarl.environments.droneswarmsearch.drift import TaskConfig
 
-
-@dataclass
-class TaskConfig:
-    observation: str = MISSING
-    right_of_way: bool = MISSING
-    shared_reward: bool = MISSING
-    reward_scale: float = MISSING
-    state: bool = MISSING
+__all__ = ["TaskConfig"]
