@@ -209,7 +209,7 @@ def test_a_shared_search_survives_its_data():
 def test_no_policy_exceeds_the_mean_of_the_bounds_for_each_hypothesis():
     scenario = wreck(2, size=5, timestep_limit=12)
     positions = [(0, 0), (1, 0)]
-    quick = {"horizons": 1, "memory": 2, "sample": 2**14}
+    quick = {"horizons": 1, "memory": 2, "sample": 2**13}
     shared = success_bound(scenario, positions, **quick)
     alone = [
         (weight, success_bound(known, positions, **quick))

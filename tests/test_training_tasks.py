@@ -76,10 +76,10 @@ def test_the_drones_of_the_radio_task_have_their_own_maps():
     assert TASKS["radio"].parameters == same
 
 
-def test_all_held_out_searches_are_evaluated_together():
+def test_all_held_out_searches_are_evaluated_together(few):
     task = TASKS["drift"]
     together = task.evaluate("greedy-matrix", name="greedy")
-    assert (together.policy, len(together.episodes)) == ("greedy", 500)
+    assert (together.policy, len(together.episodes)) == ("greedy", 20)
     alone = [evaluate("greedy-matrix", each, episodes=1) for each in task.held_out()[:3]]
     expected = np.array([each.success.value for each in alone])
     assert together.curves[: len(alone), -1] == pytest.approx(expected, abs=1e-6)
@@ -87,12 +87,15 @@ def test_all_held_out_searches_are_evaluated_together():
     assert compare(together, together).success == (0.0, 0.0, 0.0)
 
 
-def test_a_policy_that_draws_flies_rounds_until_its_success_is_known():
+def test_a_policy_that_draws_flies_rounds_until_its_success_is_known(monkeypatch):
     """As the zero of the score; its interval is that of the draws over the given searches."""
+    monkeypatch.setattr(tasks, "EPISODES", 100)
+    monkeypatch.setattr(tasks, "PRECISION", 0.002)
     found = TASKS["drift"].evaluate("random")
     _, low, high = found.success
-    assert 0.0 < high - low <= 0.002
-    assert len(found.episodes) % 500 == 0 < len(found.episodes) - 500
+    assert 0.0 < high - low <= 0.004
+    assert len(found.episodes) % 100 == 0
+    assert 200 <= len(found.episodes) < 4000
     lead = compare(TASKS["drift"].evaluate("greedy-matrix"), found).success
     assert lead.high - lead.low == pytest.approx(high - low)
 
@@ -144,9 +147,9 @@ def test_the_yardstick_knows_the_drift(few):
         known = NamedSearch("known", "", alone)
         plan = PlannerPolicy(alone, seconds=tasks.PLANNING)
         reached.append(evaluate(plan, known, episodes=1).success.value)
-    yardstick = WRECK.yardstick([3, 4, 5])
+    yardstick = WRECK.yardstick([3])
     assert yardstick[0] in [pytest.approx(each) for each in reached]
-    assert yardstick.mean() > WRECK.evaluate("greedy-matrix").success.value
+    assert yardstick[0] > WRECK.evaluate("greedy-matrix").success.value
 
 
 def test_the_yardstick_of_one_person_is_the_plan(few):
