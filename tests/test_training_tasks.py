@@ -118,6 +118,8 @@ def test_with_several_persons_the_share_found_counts(few):
     assert found.success_by_time[6] == pytest.approx(np.mean((at > 0) & (at <= 6)))
     assert found.time.value == pytest.approx(np.where(at > 0, at, 12.0).mean())
     assert len(WRECK.evaluate("greedy-matrix", rounds=2).episodes) == 40
+    with pytest.raises(ValueError, match="rounds must be an integer of at least 1, got 0"):
+        WRECK.evaluate("greedy-matrix", rounds=0)
 
 
 def test_policies_that_read_the_persons_are_made_for_each_search(few):

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.progress import progress as shown_progress
 from DroneSwarmSearch.core.named_search import NamedSearch
@@ -124,12 +125,15 @@ class Task:
             deterministic: whether its actions depend on nothing but what it has observed, as for
                 `evaluate`.
             name: the policy's name in results.
-            rounds: how many to fly; without, as above.
+            rounds: how many to fly, at least 1; without, as above. An exact figure needs one.
             progress: show a progress bar on a terminal, if tqdm is installed.
 
         Raises:
-            TypeError: `policy` is an object that reads persons.
+            TypeError: `policy` is an object that reads persons, or `rounds` is not an integer.
+            ValueError: `rounds` is below 1.
         """
+        if rounds is not None:
+            rounds = checks.integer("rounds", rounds, 1)
         first, *_ = searches = self.held_out()
         case = Case.of(policy, first, view, deterministic, name)
         persons = tuple(search.scenario.persons_to_find for search in searches)
@@ -148,8 +152,8 @@ class Task:
         if issubclass(case.spec.kind, BatchPolicy) and case.spec.kind.reads_persons:
             if isinstance(policy, BatchPolicy):
                 raise TypeError(
-                    "policy must be a name or a class, because one is made for each search, got "
-                    f"an instance of {case.spec.kind.__name__}"
+                    "policy must be a name or a class, because one is made for each search, unless "
+                    f"it states reads_persons = False; got an instance of {case.spec.kind.__name__}"
                 )
             fly = partial(_round_of_each, case, searches, progress)
         else:

@@ -76,6 +76,7 @@ class Beliefs:
         self._column = np.zeros(n, np.int64)
         self._observer = np.zeros(tiles * self._width, np.int64)
         self._is_used = np.zeros(tiles * self._width, np.bool_)
+        self._by_column: Singles | None = None  # for `matrices_of_most`; a new one costs time
         first = np.arange(0, n, observers)
         self._column[first] = np.arange(self._rows)
         self._observer[: self._rows] = first
@@ -284,11 +285,13 @@ class Beliefs:
 
     def matrices_of_most(self, who: Ints, counted: Flags) -> Singles:
         """`matrices`, fast if they are of most observers; arbitrary for those without beliefs."""
-        by_column = np.empty((len(self._is_used), self._size, self._size), np.float32)
+        if self._by_column is None:
+            shape = len(self._is_used), self._size, self._size
+            self._by_column = np.empty(shape, np.float32)
         for tile, masses in self._tiles():
             columns = self._columns(tile)
-            by_column[columns] = self._matrices(masses, self._observer[columns], counted)
-        return by_column.take(self._column.take(who), axis=0)
+            self._by_column[columns] = self._matrices(masses, self._observer[columns], counted)
+        return self._by_column.take(self._column.take(who), axis=0)
 
     def _matrices(self, masses: Floats, who: Ints, counted: Flags) -> Singles:
         """The matrices of the observers that have the columns of some masses: (n, N, N)."""
