@@ -65,6 +65,7 @@ def test_the_task_describes_the_environment(tmp_path):
 
 
 EXPERIMENT = """
+import sys
 import warnings
 warnings.simplefilter("ignore")
 from torch import nn
@@ -85,6 +86,7 @@ for task in tasks.values():
     config.evaluation = False
     config.loggers = []
     config.create_json = False
+    config.save_folder = sys.argv[1]
     layers = MlpConfig(num_cells=[8], layer_class=nn.Linear, activation_class=nn.Tanh)
     experiment = Experiment(
         task=task.get_from_yaml(),
@@ -113,4 +115,7 @@ def test_the_tasks_offered_to_benchmarl_run_in_it(tmp_path):
     registry.write_text(text, "utf-8")
     script = tmp_path / "experiment.py"
     script.write_text(EXPERIMENT, "utf-8")
-    assert python(script).splitlines()[-1] == "passed"
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    assert python(script, runs).splitlines()[-1] == "passed"
+    assert len([*runs.iterdir()]) == 4, "a folder for each task, and none elsewhere"
