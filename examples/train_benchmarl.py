@@ -44,7 +44,7 @@ ALGORITHMS = {
 
 
 class Setting(NamedTuple):
-    """What was tuned, see `benchmarks/tuning.csv`.
+    """What is tuned, see `docs/benchmark/tuning.csv`.
 
     Attributes:
         lr: the learning rate at the start.
@@ -186,7 +186,7 @@ def main() -> None:
             "help": "of the benchmark, in place of the one of all examples",
         },
         steps={"type": int, "default": 400_000, "help": "environment steps in all"},
-        lr={"type": float, "help": "learning rate; by default, this and the next ones as tuned"},
+        lr={"type": float, "help": "learning rate; for this and the next ones, see Setting"},
         exploration={"type": float, "help": "bonus for entropy, or last share of random actions"},
         gamma={"type": float, "help": "discount"},
         swarms={"type": int, "help": "searches flown between two updates"},
