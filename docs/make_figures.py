@@ -27,7 +27,6 @@ import argparse
 import csv
 import io
 import json
-import math
 import re
 from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout
@@ -1110,8 +1109,8 @@ def benchmark(theme: Theme, sampling: Sampling) -> Figure:
     panels = chart.subplots(1, len(TASKS), sharey=True)
     for axes, task in zip(panels, TASKS, strict=True):
         axes.set_title(task)
-        [best] = found.get((ALL_KNOWN, task), [math.nan])
-        axes.axvline(best, color=theme.grey, linestyle="-.", linewidth=1.2)
+        for best in found.get((ALL_KNOWN, task), []):
+            axes.axvline(best, color=theme.grey, linestyle="-.", linewidth=1.2)
         for number, name in enumerate(policies):
             values = found.get((name, task), [])
             is_trained = len(values) > 1
@@ -1120,12 +1119,14 @@ def benchmark(theme: Theme, sampling: Sampling) -> Figure:
             if values:
                 axes.plot([np.mean(values)], [number], "o", color=colour, markersize=5)
         axes.set_xlim(0.0, 1.0)
+        axes.set_ylim(-0.6, len(policies) - 0.4)
         axes.xaxis.set_major_locator(MaxNLocator(3))
         axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
         axes.grid(axis="x")
     panels[0].set_yticks(range(len(policies)), policies)
-    line = Line2D([], [], color=theme.grey, linestyle="-.", linewidth=1.2, label=ALL_KNOWN)
-    chart.legend(handles=[line], loc="outside lower center")
+    if any(name == ALL_KNOWN for name, _ in found):
+        line = Line2D([], [], color=theme.grey, linestyle="-.", linewidth=1.2, label=ALL_KNOWN)
+        chart.legend(handles=[line], loc="outside lower center")
     return chart
 
 
