@@ -18,6 +18,27 @@ def test_no_run_is_counted_twice():
     assert {(name, task) for name, task, _ in RUNS} <= {(n, t) for n in names for t in TASKS}
 
 
+def test_the_yardstick_is_the_mean_of_its_plans():
+    plans = algorithms.rows_of(algorithms.PLANS)
+    searches = [(row["task"], int(row["search"])) for row in plans]
+    assert len(set(searches)) == len(searches)
+    for (policy, task, _), run in RUNS.items():
+        if policy == algorithms.YARDSTICK:
+            planned = "wreck" if task == "radio" else task
+            found = [float(row["success"]) for row in plans if row["task"] == planned]
+            assert len(found) == len(TASKS[task].held_out())
+            assert float(run["success"]) == pytest.approx(np.mean(found), abs=1e-5)
+
+
+def test_radio_has_the_searches_of_wreck():
+    """So they share a yardstick, which needs no radio."""
+    radio, wreck = (TASKS[name].held_out() for name in ("radio", "wreck"))
+    assert all(
+        one.scenario.replace(radio_range=None) == other.scenario
+        for one, other in zip(radio[::100], wreck[::100], strict=True)
+    )
+
+
 def test_every_trained_policy_has_a_curve_and_nothing_else_does():
     trained = {key for key in RUNS if key[0] in algorithms.ALGORITHMS}
     last = {tuple(row[name] for name in algorithms.KEY): float(row["steps"]) for row in CURVES}
