@@ -87,7 +87,7 @@ def random_incident(rng: np.random.Generator, coast: bool) -> Incident:
         wind_error=0,
         current_error=0,
         coast="gshhg" if coast else "none",
-        position_sd=float(rng.choice([100, 500, 926])),
+        position_error=float(rng.choice([100, 500, 926])),
         drones=int(rng.integers(1, 4)),
         speed=speed,
         swath=rng.uniform(100, 400),
@@ -101,7 +101,7 @@ def simulated(incident: Incident, until: float, options: argparse.Namespace) -> 
         incident.object_class,
         incident.wind.vectors_from(0.0)[0.0],
         incident.current.vectors_from(0.0)[0.0],
-        position_sd=0.0,
+        position_error=0.0,
     )
     tracks = known.tracks(until / 3600 + 0.5, options)
     at = np.arange(0, until + STEP, STEP) / opendrift.TRACK_SECONDS
@@ -109,7 +109,7 @@ def simulated(incident: Incident, until: float, options: argparse.Namespace) -> 
     part = (at - before)[:, None, None]
     positions = (1 - part) * tracks[before] + part * tracks[before + 1]
     walk = np.random.normal(0.0, math.sqrt(2 * leeway.DIFFUSIVITY * STEP), positions.shape)
-    start = np.random.normal(0.0, incident.position_sd, positions.shape[1:])
+    start = np.random.normal(0.0, incident.position_error, positions.shape[1:])
     if options.coast:
         start = at_sea_again(incident, start)
     # OpenDrift's objects were at the equator. Elsewhere, north is another direction on the plane.
@@ -133,7 +133,7 @@ def at_sea_again(incident: Incident, start: Floats) -> Floats:
     """Positions in which those on land have been drawn again."""
     wrong = on_land(incident, start)
     while wrong.any():
-        start[wrong] = np.random.normal(0.0, incident.position_sd, (int(wrong.sum()), 2))
+        start[wrong] = np.random.normal(0.0, incident.position_error, (int(wrong.sum()), 2))
         wrong[wrong] = on_land(incident, start[wrong])
     return start
 

@@ -43,7 +43,7 @@ STILL: dict[str, Any] = {
     "wind": (0, 0),
     "wind_error": 0,
     "current_error": 0,
-    "position_sd": 100,
+    "position_error": 100,
     "endurance": 1800,
     "drones": 1,
 }
@@ -112,7 +112,7 @@ def test_how_far_inland(north):
 
 
 def test_persons_start_at_sea_and_strand_on_shores(north):
-    values = {**STILL, "position_sd": 400, "current": (0.0, 0.5), "coast": north}
+    values = {**STILL, "position_error": 400, "current": (0.0, 0.5), "coast": north}
     cloud = simulate(Incident(**values), 3000, 0)
     assert (cloud.positions[1] < SHORE).all()
     # In an hour, the current carries persons 1.8 km to the north.
@@ -147,7 +147,7 @@ class TestPosition:
         values = {**STILL, "position": inland, "coast": north}
         with pytest.raises(ValueError, match=r"100 m, got .* which is 300 m inland"):
             simulate(Incident(**values), 10, 0)
-        cloud = simulate(Incident(**{**values, "position_sd": 310}), 500, 0)
+        cloud = simulate(Incident(**{**values, "position_error": 310}), 500, 0)
         assert (cloud.positions[1, 0] < -300 + 1).all()
 
     def test_of_tracks_and_without_a_coast_it_is_taken(self, north):
@@ -249,7 +249,7 @@ class TestCommenceSearchPoint:
 def folder(tmp_path_factory) -> Path:
     """A plan beside the small island, and across the date line."""
     folder = tmp_path_factory.mktemp("plans")
-    usual = {**STILL, "position_sd": 900}
+    usual = {**STILL, "position_error": 900}
     beside = Incident(**{**usual, "position": (54.18, 7.85)})
     write(plan(beside), folder / "island")
     across = Incident(**{**usual, "position": (-16.82, 179.99)})
@@ -306,11 +306,11 @@ class TestFiles:
 class TestSearchOnAGrid:
     @pytest.fixture
     def search(self, north) -> NamedSearch:
-        return search_on_grid(Incident(**{**STILL, "position_sd": 500}, coast=north))
+        return search_on_grid(Incident(**{**STILL, "position_error": 500}, coast=north))
 
     def test_knows_the_cells_on_land(self, search, north):
         """Exactly those whose centres are."""
-        incident = Incident(**{**STILL, "position_sd": 500}, coast=north)
+        incident = Incident(**{**STILL, "position_error": 500}, coast=north)
         size = search.scenario.grid_size
         cells = np.array([(x, y) for y in range(size) for x in range(size)])
         degrees = locate(incident, cells)

@@ -26,7 +26,7 @@ KNOWN: dict[str, Any] = {
     "wind": (0, 0),
     "wind_error": 0,
     "current_error": 0,
-    "position_sd": 100,
+    "position_error": 100,
     "endurance": 1800,
     "drones": 1,
     "coast": "none",
@@ -204,7 +204,7 @@ def test_files_need_to_cover_the_persons_only(tmp_path):
     path = write(tmp_path / "weather.nc", shear, ("x_wind", "y_wind"), points=61)
     ocean = write(tmp_path / "ocean.nc", shear)
     known = {**KNOWN, "time": "2026-03-01T07:00Z", "start": "2026-03-01T07:55Z", "swath": 500}
-    incident = Incident(**{**known, "wind": path, "speed": 60, "position_sd": 3000}, current=ocean)
+    incident = Incident(**{**known, "wind": path, "speed": 60, "position_error": 3000}, current=ocean)
     plan = plan_flights(incident)
     assert plan.probability_of_success > 0
     chart.draw(plan, [0])

@@ -289,7 +289,7 @@ def test_members_are_shared_out_among_particles(tmp_path):
         wind=(0, 0),
         wind_error=0,
         current=path,
-        position_sd=10,
+        position_error=10,
         coast="none",
         drones=1,
     )

@@ -21,7 +21,7 @@ KNOWN: dict[str, Any] = {
     "wind": "300 10kn",
     "drones": 1,
     "endurance": "20min",
-    "position_sd": "300m",
+    "position_error": "300m",
     "start": "06:30Z",
 }
 START = datetime(2026, 3, 1, 6, 30, tzinfo=timezone.utc)

@@ -18,13 +18,14 @@ from DroneSwarmSearch.incident.files import write
 from DroneSwarmSearch.incident.files.folder import INCIDENT, listed, try_plan_folder
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 from DroneSwarmSearch.incident.flights import up_to_the_minute
+from DroneSwarmSearch.incident.hypothesis import PLACES
 from DroneSwarmSearch.incident.incident import FLOWS, Incident
 from DroneSwarmSearch.incident.planning import alternatives, plan
 from DroneSwarmSearch.incident.sorties import after
 from DroneSwarmSearch.rendering.text import WIDTH
 
 NAMES = {
-    "position_sd": "--error",
+    "position_error": "--error",
     "object_class": "--object",
     "probability_of_detection": "--detection",
 }
@@ -54,9 +55,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     group = parser.add_argument_group("the incident")
     add("--position", "last known: 54.18 7.85, or 54-10.8N 007-51.0E", **position)
-    add("--error", "its standard deviation along each axis (926m)", "position_sd", **words)
-    add("--time", "when they were there: 2026-03-01T05:30Z")
-    add("--object", "a key of leeway.CLASSES, such as PIW-1", "object_class", metavar="CLASS")
+    about = "in its place, a passage: positions with semicolons between them"
+    add("--line", about, metavar='"A; B"', **words)
+    about = "in its place, a GeoJSON file with polygons, or corners with semicolons between them"
+    add("--area", about, metavar="FILE", **words)
+    about = "standard deviation along each axis (926m; of an area 0); or 3NM probable, 3NM 95%%"
+    add("--error", about, "position_error", **words)
+    about = "when they were there: 2026-03-01T05:30Z; or two times, between which it happened"
+    add("--time", about, metavar="UTC", nargs="+")
+    about = "a key of leeway.CLASSES, such as PIW-1; or PIW-1:0.3, and again for other ones"
+    add("--object", about, "object_class", metavar="CLASS", action="append")
+    about = "in which an observer at the position saw them: 045"
+    add("--bearing", about, metavar="DEGREES")
+    add("--distance", "at which the observer saw them: 5NM", **words)
+    add("--bearing-error", "its standard deviation (2 degrees)", **words)
+    add("--distance-error", "the same (a tenth of the distance)", **words)
     about = "where it comes from, and its speed: 300 25kn, or NW 12.9m/s; again for later times: "
     add("--wind", f"{about}320 30kn@08:00Z; or a CSV file of time, direction, speed", **flow)
     add("--current", "where it flows to, and its speed: 160 0.5kn (none)", **flow)
@@ -146,6 +159,7 @@ def _incident(options: argparse.Namespace) -> Incident:
     """The incident that the options describe."""
     if options.after is not None and options.incident is not None:
         raise ValueError("--after cannot be given together with --incident")
+    _check_places(options)
     names = [field.name for field in fields(Incident) if field.init]
     values = {name: getattr(options, name, None) for name in names}
     for name in FLOWS:
@@ -157,6 +171,8 @@ def _incident(options: argparse.Namespace) -> Incident:
             values[name] = file
         elif texts:
             values[name] = texts[0] if len(texts) == 1 else texts
+    if values["object_class"] is not None:
+        values["object_class"] = _object_classes(values["object_class"])
     given = {name: value for name, value in values.items() if value is not None}
     if options.after is not None:
         start = given.pop("start", None)
@@ -166,6 +182,32 @@ def _incident(options: argparse.Namespace) -> Incident:
     if options.incident is not None:
         return _read(Path(options.incident), given)
     return Incident(**given)
+
+
+def _check_places(options: argparse.Namespace) -> None:
+    """Raise a ValueError for several places: one would be ignored."""
+    given = [f"--{name}" for name in PLACES if getattr(options, name) is not None]
+    if len(given) > 1:
+        raise ValueError(
+            f"one of --position, --line and --area may be given, got {' and '.join(given)}"
+        )
+
+
+def _object_classes(texts: list[str]) -> str | list[tuple[str, float]]:
+    """Object classes from texts such as "PIW-1", or "PIW-1:0.3" if there are several."""
+    if len(texts) == 1 and ":" not in texts[0]:
+        return texts[0]
+    weighted = []
+    for text in texts:
+        name, _, weight = text.partition(":")
+        try:
+            weighted.append((name, float(weight)))
+        except ValueError:
+            raise ValueError(
+                "object_class must be CLASS:WEIGHT, such as PIW-1:0.3, if there are several, got "
+                f"{text!r}"
+            ) from None
+    return weighted
 
 
 def _read(path: Path, given: dict[str, Any]) -> Incident:
@@ -200,7 +242,7 @@ def summary(made: FlightPlan) -> list[str]:
     paragraphs = [
         made.incident.sentence,
         " ".join(made.earlier),
-        f"{success}.",
+        f"{success}. {made.success_by_part}".rstrip(),
         " ".join(made.briefing),
         *made.orders,
         "Assumed: " + " ".join(made.assumptions),

@@ -21,8 +21,9 @@ from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Pair
 from DroneSwarmSearch._internal.extras import needed
-from DroneSwarmSearch._internal.files import StorageError, parsed_json, write_bytes
+from DroneSwarmSearch._internal.files import StorageError, write_bytes
 from DroneSwarmSearch.geo.plane import TangentPlane
+from DroneSwarmSearch.geo.polygons import Polygon, polygons_of, read_polygons, shapely_package
 
 GSHHG = "gshhg"
 """The name of the packaged coastline."""
@@ -34,7 +35,6 @@ NO_PACKAGE = (
     "the coast needs the package roaring-landmask; without it, give coast as a GeoJSON file with "
     "polygons of land, or as 'none'"
 )
-REASON = "the coast needs the package shapely"
 
 SQUARES = 200
 """Squares along each side of an area that are known to be at sea, on land, or on the coast."""
@@ -43,9 +43,6 @@ KM_PER_DEGREE = 111.0  # of latitude
 LONGEST_EDGE = 0.2  # of a polygon, in degrees
 
 DECIMALS = 6  # of degrees, a tenth of a metre
-
-Polygon = list[Floats]
-"""The outline of a polygon, counterclockwise, and those of its holes, clockwise: (n, 2) each."""
 
 Box = tuple[float, float, float, float]
 """West, south, east and north, in degrees."""
@@ -67,7 +64,7 @@ class Land:
 
     def contains(self, points: ArrayLike) -> Flags:
         """Whether points, (east, north) in metres, (2, n), are on land: bool, (n,)."""
-        shapely = _shapely()
+        shapely = shapely_package()
         x, y = np.asarray(points, np.float64)
         side = 2 * self.reach / SQUARES
         column = np.clip(np.floor((x + self.reach) / side), 0, SQUARES - 1).astype(np.int64)
@@ -85,7 +82,7 @@ class Land:
 
         Most points are in neither, and need no test against the polygons.
         """
-        shapely = _shapely()
+        shapely = shapely_package()
         shapely.prepare(self.shape)
         edges = np.linspace(-self.reach, self.reach, SQUARES + 1)
         west, south = np.meshgrid(edges[:-1], edges[:-1])
@@ -101,7 +98,7 @@ class Land:
 
         At most `reach`, beyond which nothing is known.
         """
-        shapely = _shapely()
+        shapely = shapely_package()
         x, y = np.asarray(point, np.float64)
         if not self.contains([[x], [y]])[0]:
             return 0.0
@@ -114,14 +111,14 @@ class Land:
 
     def polygons(self, low: ArrayLike, high: ArrayLike) -> list[Polygon]:
         """The polygons of land between two corners, (east, north) in metres."""
-        shapely = _shapely()
+        shapely = shapely_package()
         west, south = np.asarray(low)
         east, north = np.asarray(high)
         return polygons_of(shapely.clip_by_rect(self.shape, west, south, east, north))
 
     def polygons_in_degrees(self, low: ArrayLike, high: ArrayLike) -> list[Polygon]:
         """The same as (longitude, latitude), cut at the date line (RFC 7946, section 3.1.9)."""
-        shapely = _shapely()
+        shapely = shapely_package()
         middle = self.plane.origin[1]
         parts = []
         for outlines in self.polygons(low, high):
@@ -137,22 +134,6 @@ class Land:
                     [outline - (turn, 0) for outline in outlines] for outlines in polygons_of(part)
                 ]
         return parts
-
-
-def polygons_of(geometry: Any) -> list[Polygon]:
-    """The polygons in a geometry of shapely."""
-    shapely = _shapely()
-    return [
-        [shapely.get_coordinates(ring) for ring in (each.exterior, *each.interiors)]
-        for each in map(shapely.geometry.polygon.orient, _only_polygons(geometry))
-    ]
-
-
-def _only_polygons(geometry: Any) -> list[Any]:
-    """The parts of a geometry that have an area."""
-    shapely = _shapely()
-    parts = shapely.get_parts(shapely.get_parts(geometry))
-    return [each for each in parts if each.geom_type == "Polygon" and not each.is_empty]
 
 
 def land_around(coast: str, position: Pair, reach: float) -> Land | None:
@@ -172,12 +153,13 @@ def land_around(coast: str, position: Pair, reach: float) -> Land | None:
     """
     if coast == NONE:
         return None
-    shapely = _shapely()
+    shapely = shapely_package()
     boxes = _boxes(position, reach)
     if coast == GSHHG:
         parts = _gshhg(boxes)
     else:
-        polygons = _read_geojson(Path(coast))
+        what = "coast must be 'gshhg', 'none' or a GeoJSON file with polygons of land"
+        polygons = read_polygons(what, Path(coast))
         parts = [shapely.clip_by_rect(polygons, *box) for box in boxes]
     plane = TangentPlane(*position)
 
@@ -188,10 +170,6 @@ def land_around(coast: str, position: Pair, reach: float) -> Land | None:
     bent = [shapely.segmentize(part, LONGEST_EDGE) for part in parts]
     projected = [shapely.make_valid(shapely.transform(part, in_metres)) for part in bent]
     return Land(shapely.union_all(projected), plane, reach)
-
-
-def _shapely() -> Any:
-    return needed("shapely", REASON, "plan")
 
 
 def _boxes(position: Pair, reach: float) -> list[Box]:
@@ -217,7 +195,7 @@ def _boxes(position: Pair, reach: float) -> list[Box]:
 
 def _gshhg(boxes: list[Box]) -> list[Any]:
     """The packaged land in some boxes; kept in the cache, since reading all takes seconds."""
-    shapely = _shapely()
+    shapely = shapely_package()
     package = needed("roaring_landmask", NO_PACKAGE, "plan")
     platformdirs = needed("platformdirs", "the coast needs the package platformdirs", "plan")
     folder = Path(platformdirs.user_cache_dir("DroneSwarmSearch", appauthor=False))
@@ -231,48 +209,3 @@ def _gshhg(boxes: list[Box]) -> list[Any]:
         for path, part in zip(paths, parts, strict=True):
             write_bytes(path, shapely.to_wkb(part))
     return parts
-
-
-def _read_geojson(path: Path) -> Any:
-    """The polygons in a GeoJSON file."""
-    shapely = _shapely()
-    what = f"coast must be 'gshhg', 'none' or a GeoJSON file with polygons of land; {str(path)!r}"
-    try:
-        data = parsed_json(path.read_bytes())
-    except OSError as error:
-        raise ValueError(f"{what} cannot be read: {error.strerror or error}") from None
-    except ValueError as error:
-        raise ValueError(f"{what} cannot be read: {error}") from None
-    polygons = []
-    for geometry in _geometries(data):
-        try:
-            shape = shapely.geometry.shape(geometry)
-        except Exception as error:  # shapely raises errors of many kinds
-            raise ValueError(f"{what} holds what is no geometry: {error!r:.200}") from None
-        if shape.geom_type not in ("Polygon", "MultiPolygon"):
-            raise ValueError(f"{what} holds a {shape.geom_type}, not only polygons")
-        polygons.append(shapely.make_valid(shape))
-    if not polygons:
-        raise ValueError(f"{what} holds no polygons")
-    land = shapely.union_all(polygons)
-    west, south, east, north = land.bounds
-    if not (west >= -180 and east <= 180 and south >= -90 and north <= 90):
-        raise ValueError(
-            f"{what} must be in degrees, longitude first, got values from ({west:g}, {south:g}) "
-            f"to ({east:g}, {north:g})"
-        )
-    return land
-
-
-def _geometries(data: Any) -> list[Any]:
-    """The geometries of a GeoJSON object (RFC 7946)."""
-    if not isinstance(data, dict):
-        return []
-    kind = data.get("type")
-    if kind == "FeatureCollection":
-        return [each for feature in data.get("features", ()) for each in _geometries(feature)]
-    if kind == "Feature":
-        return _geometries(data.get("geometry"))
-    if kind == "GeometryCollection":
-        return [each for part in data.get("geometries", ()) for each in _geometries(part)]
-    return [data]

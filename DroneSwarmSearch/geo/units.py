@@ -21,11 +21,26 @@ SPEED: Units = {
     **{"m/s": 1.0, "mps": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "mph": 0.44704},
 }
 LENGTH: Units = {"m": 1.0, "km": 1000.0, "nm": 1852.0, "nmi": 1852.0, "ft": 0.3048}
+ANGLE: Units = dict.fromkeys(("", "°", "deg", "degrees"), 1.0)
 TIME: Units = {
     **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), 3600.0),
     **dict.fromkeys(("min", "mins", "minute", "minutes"), 60.0),
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
 }
+
+PROBABLE = math.sqrt(2 * math.log(2))
+"""The radius of the circle that holds half of a circular normal distribution, the *probable error*,
+in standard deviations along an axis."""
+
+WITHIN_95 = math.sqrt(-2 * math.log(0.05))
+"""The radius of the circle that holds 95% of it."""
+
+ERRORS = {
+    "probable": {"across": PROBABLE, "along": 0.67449},
+    "95%": {"across": WITHIN_95, "along": 1.95996},
+}
+"""What errors are called, and how many standard deviations they are: of positions in the plane,
+and of a number, such as a distance."""
 
 POINTS = [
     "N",
@@ -65,6 +80,8 @@ class Quantity:
         high: the most.
         shown: the limits in words.
         is_above_zero: whether it must be more than 0.
+        error: "across" or "along" if it is an error, of positions or of a number: a text may end
+            with "probable" or "95%", and is then made a standard deviation.
     """
 
     units: Units
@@ -72,6 +89,7 @@ class Quantity:
     high: float
     shown: str
     is_above_zero: bool = False
+    error: str = ""
 
     def read(self, name: str, given: object) -> float:
         """A number in SI units, from a number in them or a text with a unit.
@@ -82,7 +100,9 @@ class Quantity:
         """
         number = given
         if isinstance(given, str):
-            number = named(name, quantity, given, self.units)
+            text, sds = _without_kind(given, self.error)
+            read = angle if self.units is ANGLE else quantity
+            number = named(name, read, text, self.units) / sds
         value = checks.real(name, number)
         is_valid = self.low <= value <= self.high
         if self.is_above_zero and value == 0.0:
@@ -90,6 +110,23 @@ class Quantity:
         if not is_valid:
             raise ValueError(f"{name} must be {self.shown}, got {given!r:.100}")
         return value
+
+
+def _without_kind(text: str, error: str) -> tuple[str, float]:
+    """The text of an error without the name of its kind, and how many standard deviations it is."""
+    words = text.strip()
+    for kind, sds in ERRORS.items() if error else ():
+        if words.lower().endswith(kind):
+            return words[: -len(kind)].strip(), sds[error]
+    return words, 1.0
+
+
+def angle(text: str, units: Units) -> float:
+    """A number of degrees; their sign may be left out."""
+    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(\S*)", text.strip().lower())
+    if match is None or match[2] not in units:
+        raise ValueError(f"a number of degrees is needed, got {text!r}")
+    return float(match[1]) * units[match[2]]
 
 
 def quantity(text: str, units: Units) -> float:

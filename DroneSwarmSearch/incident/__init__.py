@@ -23,6 +23,7 @@ from DroneSwarmSearch.incident.drone import Drone, drone_of
 from DroneSwarmSearch.incident.files import write
 from DroneSwarmSearch.incident.flight_plan import Alternative, FlightPlan
 from DroneSwarmSearch.incident.flights import FlownFlight, Waypoint, read_flights
+from DroneSwarmSearch.incident.hypothesis import Hypothesis
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.on_grid import locate, search_on_grid
 from DroneSwarmSearch.incident.particles import Particles, simulate
@@ -40,6 +41,7 @@ __all__ = [
     "Drone",
     "FlightPlan",
     "FlownFlight",
+    "Hypothesis",
     "Incident",
     "Particles",
     "Pattern",

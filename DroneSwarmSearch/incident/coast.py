@@ -1,4 +1,4 @@
-"""The coast of an incident: what is on land, and whether the last known position is."""
+"""The coast of an incident: what is on land, and whether all that is known is."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from DroneSwarmSearch._internal.arrays import Flags, Floats
 from DroneSwarmSearch.geo import units
 from DroneSwarmSearch.geo.coast import Land
 from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.places import Point
+
+ON_A_LAKE = "on a lake, give a coast that knows it, or coast 'none'"
 
 
 class Coast:
@@ -18,25 +21,25 @@ class Coast:
 
     Raises:
         ImportError: a package is missing, see `geo.coast`.
-        ValueError: the last known position is on land, farther from the sea than its error; or
-            the file of the coast cannot be read.
+        ValueError: a position is on land, farther from the sea than its error; or the file of the
+            coast cannot be read.
     """
 
     def __init__(self, incident: Incident) -> None:
         self._incident = incident
-        self._land = incident.land_within(4 * incident.position_sd)
-        if self._land is not None and incident.tracks is None:
-            self._check_position(self._land)
+        self._land = land = incident.land_within(incident.farthest_start)
+        for each in incident.cases:
+            if land is not None and isinstance(each.place, Point):
+                self._check_position(each.place, land)
 
-    def _check_position(self, land: Land) -> None:
-        incident = self._incident
-        inland = land.distance_to_sea(np.zeros(2))
-        if inland > incident.position_sd:
+    def _check_position(self, known: Point, land: Land) -> None:
+        inland = land.distance_to_sea(self._incident.plane.metres(*known.position))
+        if inland > known.error:
             distance = f"{inland:.0f} m" if inland < 1000 else f"{inland / 1000:.0f} km"
             raise ValueError(
                 "position must be at sea, or nearer to it than its error, "
-                f"{incident.position_sd:g} m, got {units.radioed(incident.position)}, which is "
-                f"{distance} inland; on a lake, give a coast that knows it, or coast 'none'"
+                f"{known.error:g} m, got {units.radioed(known.position)}, which is "
+                f"{distance} inland; {ON_A_LAKE}"
             )
 
     def is_sea_as_read(self, points: Floats) -> Flags:

@@ -63,6 +63,20 @@ class Alternative:
         return f"{self.name}: {points:+d} {noun}."
 
 
+class Part(NamedTuple):
+    """A part of all persons: those of a hypothesis, or of an object class.
+
+    Attributes:
+        name: of the hypothesis or the class.
+        weight: how likely it is.
+        probability_of_success: that the person is found, if it is so.
+    """
+
+    name: str
+    weight: float
+    probability_of_success: float
+
+
 class Delay(NamedTuple):
     """What the flights of a plan would find if all drones took off later.
 
@@ -111,7 +125,7 @@ class FlightPlan:
     def legs(self) -> Floats:
         """The legs on which drones search, of all flights, see `flights.legs_of`."""
         plane = self.incident.plane
-        since = self.incident.time
+        since = self.incident.began
         return np.concatenate([legs_of(flight, plane, since) for flight in self.flights])
 
     @cached_property
@@ -131,6 +145,29 @@ class FlightPlan:
     def probability_of_success(self) -> float:
         """The probability that the flights find the person."""
         return self.success()
+
+    @property
+    def parts(self) -> list[Part]:
+        """What is found of each hypothesis, and of each object class, if there are several.
+
+        How likely each one is accounts for earlier flights.
+        """
+        incident = self.incident
+        swept, _ = self.sweeps
+        found = 1.0 - self.particles.missed_after(swept, incident.probability_of_detection)
+        names = [each.name for each in incident.cases]
+        groups = (
+            (names, self.particles.hypotheses),
+            (incident.object_classes, self.particles.kinds),
+        )
+        parts = []
+        for called, numbers in groups:
+            for number, name in enumerate(called) if len(called) > 1 else ():
+                weights = self.particles.weights * (numbers == number)
+                weight = float(weights.sum())
+                success = float(weights @ found) / weight if weight else 0.0
+                parts.append(Part(name, weight, success))
+        return parts
 
     def ground_speeds(self, number: int) -> list[float]:
         """The speed of a drone over the ground on each leg, in m/s."""
@@ -169,7 +206,7 @@ class FlightPlan:
         for time in (self.on_scene, self.landed):
             positions = self.particles.at(incident.seconds(time))
             seen.append(np.percentile(positions, (0.1, 99.9), axis=0))
-        seen.append(np.zeros((1, 2)))  # the last known position
+        seen += [mark.points for mark in incident.marks]
         points = np.vstack(seen)
         low = points.min(axis=0)
         high = points.max(axis=0)
@@ -202,10 +239,19 @@ class FlightPlan:
         texts = []
         for number, (pattern, flight) in enumerate(zip(self.patterns, self.flights, strict=True)):
             order = Order(incident, number, pattern, flight)
-            legs = legs_of(flight, incident.plane, incident.time)
+            legs = legs_of(flight, incident.plane, incident.began)
             missed = self.particles.missed(legs, incident.swath, incident.probability_of_detection)
             texts.append(order.values(*order.found(self.particles, missed)))
         return texts
+
+    @property
+    def success_by_part(self) -> str:
+        """What is found of each hypothesis and each object class, in a sentence; "" if only one."""
+        shares = [
+            f"{part.probability_of_success:.0%} of {part.name} ({part.weight:.0%} likely)"
+            for part in self.parts
+        ]
+        return f"It finds {', '.join(shares)}." if shares else ""
 
     @property
     def orders(self) -> list[str]:
@@ -295,11 +341,11 @@ class FlightPlan:
         before: list[str] = []
         during: list[str] = []
         for number, flight in enumerate(incident.flown, 1):
-            if flight.landing <= incident.time:
+            if flight.landing <= incident.began:
                 before.append(str(number))
-            elif flight.waypoints[0].time < incident.time:
+            elif flight.waypoints[0].time < incident.began:
                 during.append(str(number))
-        report = f"the report of {incident.time:%H:%M}"
+        report = f"the report of {incident.began:%H:%M}"
         if before:
             sentences.append(f"Not counted, because flown before {report}: {', '.join(before)}.")
         if during:
@@ -312,10 +358,10 @@ class FlightPlan:
         incident = self.incident
         drift = "The person drifts as the tracks do."
         if incident.tracks is None:
+            errors = dict.fromkeys(each.place.error_words for each in incident.cases)
             drift = (
-                f"The position is known to {incident.position_sd:.0f} m, the wind to "
-                f"{_speed(incident.wind_error)} and the current to "
-                f"{_speed(incident.current_error)} (standard deviations along each axis)."
+                f"{'. '.join(errors)}, the wind to {_speed(incident.wind_error)} and the current "
+                f"to {_speed(incident.current_error)} (standard deviations along each axis)."
             )
         if self.particles.ashore >= MENTIONED:
             drift += f" {self.particles.ashore:.0%} of the persons strand by {self.landed:%H:%M}."

@@ -5,36 +5,46 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from datetime import datetime, timedelta
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from DroneSwarmSearch._internal import checks
-from DroneSwarmSearch._internal.arrays import Pair
+from DroneSwarmSearch._internal.arrays import Floats, Pair
 from DroneSwarmSearch._internal.files import parsed_json, write_text
 from DroneSwarmSearch._internal.text import plural, printable
 from DroneSwarmSearch.geo import units
 from DroneSwarmSearch.geo.coast import GSHHG, NONE, Land, land_around
 from DroneSwarmSearch.geo.flows import Flow, Origin
 from DroneSwarmSearch.geo.plane import TangentPlane
-from DroneSwarmSearch.geo.times import in_utc, near
+from DroneSwarmSearch.geo.times import near
 from DroneSwarmSearch.geo.typed_flows import FILES, read_flow
 from DroneSwarmSearch.geo.units import LENGTH, SPEED, TIME, Quantity
 from DroneSwarmSearch.incident.flights import FlownFlight, read_flown
+from DroneSwarmSearch.incident.hypothesis import (
+    FIELDS,
+    MEAN,
+    PLACES,
+    SEEN,
+    Hypothesis,
+    read_position,
+    read_times,
+)
+from DroneSwarmSearch.incident.places import Point
 from DroneSwarmSearch.persons import leeway
 from DroneSwarmSearch.persons.track_files import first_known
 
 QUANTITIES = {
-    "position_sd": Quantity(LENGTH, 0, 100_000, "from 0 to 100 km"),
     "swath": Quantity(LENGTH, 1, 10_000, "from 1 m to 10 km"),
     "altitude": Quantity(LENGTH, 0, 10_000, "from 0 to 10 km"),
     "ceiling": Quantity(LENGTH, 0, 10_000, "from 0 to 10 km"),
-    "wind_error": Quantity(SPEED, 0, 60, "from 0 to 60 m/s"),
-    "current_error": Quantity(SPEED, 0, 5, "from 0 to 5 m/s"),
+    "wind_error": Quantity(SPEED, 0, 60, "from 0 to 60 m/s", error="across"),
+    "current_error": Quantity(SPEED, 0, 5, "from 0 to 5 m/s", error="across"),
     "speed": Quantity(SPEED, 0, 200, "above 0 and at most 200 m/s", is_above_zero=True),
     "endurance": Quantity(TIME, 0, 12 * 3600, "above 0 and at most 12 h", is_above_zero=True),
     "reserve": Quantity(TIME, 0, 12 * 3600, "from 0 to 12 h"),
@@ -44,7 +54,7 @@ QUANTITIES = {
 """What lengths, speeds and durations may be."""
 
 FARTHEST = 100_000.0
-"""The largest distance of the take-off position in metres; the plane is accurate up to there."""
+"""The largest distance in metres from the origin; the plane is accurate up to there."""
 
 LONGEST_DRIFT = timedelta(hours=72)
 """From the last known position to the take-off; errors of leeway and current grow without end."""
@@ -82,8 +92,38 @@ ERRORS = {"wind_error": 2.0, "current_error": 0.13}
 DEPENDENT = (*ERRORS, "reserve", "altitude", "ceiling")
 """Quantities whose default depends on other values."""
 
-IN_TRACKS = ("current", "position_sd", "wind_error", "current_error")
+ONE_CASE = tuple(name for name in FIELDS if name not in ("weight", "name"))
+"""The values of the only hypothesis."""
+
+SHARED = ("time", "position_error", "object_class")
+"""Those which hypotheses that are mappings need not repeat."""
+
+WHERE = (*PLACES, *SEEN)
+
+TYPED = (*ONE_CASE, "hypotheses", "base")
+"""Values that files hold as they were typed, if they were."""
+
+IN_TRACKS = ("hypotheses", "line", "area", *SEEN, "position_error", "current", *ERRORS)
 """What tracks have already: given with them, it would have no effect."""
+
+
+class Mark(NamedTuple):
+    """A point, a line or a closed outline on maps.
+
+    Attributes:
+        name: what it is.
+        when: the time.
+        points: (east, north) in metres: (n, 2); those of an outline end where they begin.
+    """
+
+    name: str
+    when: str
+    points: Floats
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it is an outline."""
+        return len(self.points) > 3 and bool(np.all(self.points[0] == self.points[-1]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,12 +135,24 @@ class Incident:
     "20 kn", "0.5 NM" and "45 min". Times are datetimes with a time zone, or text such as
     "2026-03-01T05:30Z". Whatever was typed, the attributes are pairs, numbers, datetimes and flows.
 
+    Where, when and what it was is one `Hypothesis`, whose values are also those of an incident, or
+    a list of them. A text such as "3 NM probable" is the error in which half of all values lie, "3
+    NM 95%" that of 95% of them; other errors are standard deviations along each axis.
+
     Attributes:
-        position: the last known position.
-        time: when the person was there.
-        position_sd: its standard deviation along each axis; 926 m, half a nautical mile, is usual
+        position: the last known position, or that of an observer, see `bearing`.
+        time: when the person was there; or two times, between which something happened.
+        line, area, bearing, distance: in place of a position alone, as for `Hypothesis`.
+        position_error: of the position, the line or the area; 926 m, half a nautical mile, is usual
             for a position reported by an aircraft, and tens of metres for GPS.
-        object_class: a key of `leeway.CLASSES`, such as "PIW-1", a person in the water.
+        bearing_error, distance_error: of what an observer saw, as for `Hypothesis`.
+        object_class: a key of `leeway.CLASSES`, such as "PIW-1", a person in the water; or several
+            with weights, such as {"PIW-1": 0.3, "LIFE-RAFT-SB-6": 0.7}.
+        hypotheses: in place of all these, what may have happened, each a `Hypothesis` or a mapping
+            of its values. Mappings need not repeat time, position_error and object_class.
+        cases: all hypotheses, also if there is only one; none with tracks.
+        origin: where and when metres and seconds begin: in the middle of all hypotheses, at their
+            earliest time.
         wind: where it comes from and its speed, at 10 m: "300 25kn", or "NW 12 m/s"; or (east,
             north), where it blows to. One that changes is a list of texts with times, such as
             ["300 25kn", "320 30kn@08:00Z"], a mapping of seconds after `time` to winds, or a CSV
@@ -150,9 +202,18 @@ class Incident:
     """
 
     position: Pair = None  # type: ignore[assignment]  # given, or known from tracks
-    time: datetime = None  # type: ignore[assignment]
-    position_sd: float = 926.0
-    object_class: str | None = None
+    time: Any = None
+    line: Any = None
+    area: Any = None
+    position_error: Any = None
+    bearing: Any = None
+    distance: Any = None
+    bearing_error: Any = None
+    distance_error: Any = None
+    object_class: Any = None
+    hypotheses: tuple[Hypothesis, ...] = ()
+    cases: tuple[Hypothesis, ...] = field(init=False)
+    origin: Origin = field(init=False)
     wind: Flow = None  # type: ignore[assignment]
     current: Flow = (0.0, 0.0)  # type: ignore[assignment]  # read below
     wind_error: float = None  # type: ignore[assignment]
@@ -184,36 +245,61 @@ class Incident:
         given = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
         for name, value in _checked(given).items():
             object.__setattr__(self, name, value)
-        typed = {name: given[name] for name in ("position", "base") if given[name] is not None}
+        typed = {name: given[name] for name in TYPED}
         object.__setattr__(self, "_typed", typed)
         left_out = tuple(name for name in DEPENDENT if given[name] is None)
         object.__setattr__(self, "_left_out", left_out)
 
     def changed(self, **changes: Any) -> Incident:
-        """The incident with other values; defaults that depend on values are computed anew."""
-        return Incident(**{**self._values, **changes})
+        """The incident with other values; defaults that depend on values are computed anew.
+
+        Another place, or other hypotheses, replace all that were given.
+        """
+        return Incident(**_replaced(self._values, changes))
 
     @property
     def _values(self) -> dict[str, Any]:
-        """All values, but None for those that depend on others and have not been given."""
+        """All values as given, but None for those that depend on others and have not been given."""
         values = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
-        return values | dict.fromkeys(self._left_out)
+        return values | self._typed | dict.fromkeys(self._left_out)
+
+    def times_with(self, changes: dict[str, Any]) -> tuple[datetime, datetime]:
+        """`time` and `latest` of the incident with other values."""
+        case = _case(_replaced(self._values, changes))
+        time: datetime = case["origin"].time
+        return time, _latest(case["cases"], time)
 
     # Where and when.
 
-    @cached_property
-    def origin(self) -> Origin:
-        """Where and when all metres and seconds begin: at the last known position."""
-        return Origin(self.position, self.time)
-
     @property
     def plane(self) -> TangentPlane:
-        """The plane of all metres; it touches the earth at the last known position."""
+        """The plane of all metres; it touches the earth at the origin."""
         return self.origin.plane
 
+    @property
+    def began(self) -> datetime:
+        """When the person drifts at the earliest: when all seconds begin."""
+        return self.origin.time
+
     def seconds(self, time: datetime) -> float:
-        """Seconds from the last known position to a time."""
+        """Seconds from the origin to a time."""
         return self.origin.seconds(time)
+
+    @property
+    def latest(self) -> datetime:
+        """When the person drifts at the latest."""
+        return _latest(self.cases, self.began)
+
+    @property
+    def farthest_start(self) -> float:
+        """The distance in metres from the origin, within which persons begin to drift."""
+        return max((each.place.reach(self.plane) for each in self.cases), default=0.0)
+
+    @property
+    def object_classes(self) -> tuple[str, ...]:
+        """The object classes of all hypotheses; none with tracks."""
+        named = dict.fromkeys(name for each in self.cases for name, _ in each.object_class)
+        return tuple(named)
 
     def land(self, reach: float) -> Land | None:
         """The land up to a distance from the last known position; None with coast "none".
@@ -224,7 +310,7 @@ class Incident:
             ImportError: a package is missing, see `geo.coast`.
             ValueError: the file of the coast cannot be read.
         """
-        return _land(self.coast, self.position, reach)
+        return _land(self.coast, self.origin.position, reach)
 
     def land_within(self, farthest: float) -> Land | None:
         """`land`, at least up to a distance; few different distances are read."""
@@ -244,13 +330,28 @@ class Incident:
         free = levels(self.altitude, self.ceiling)
         return tuple(free[number % len(free)] for number in range(self.drones))
 
+    @property
+    def marks(self) -> list[Mark]:
+        """What maps show of the hypotheses: a point or lines for each."""
+        if not self.cases:
+            return [Mark(f"{Point.label}", f"{self.began:%H:%M}", np.zeros((1, 2)))]
+        marks = []
+        for each in self.cases:
+            first, last = each.time
+            when = f"{first:%H:%M}" if first == last else f"{first:%H:%M} to {last:%H:%M}"
+            name = each.place.label
+            if len(self.cases) > 1:
+                name = f"{each.name}: {name}"
+            marks += [Mark(name, when, outline) for outline in each.place.outlines(self.plane)]
+        return marks
+
     # In words.
 
     @property
     def sentence(self) -> str:
         """The incident in a sentence."""
         parts = [
-            f"{self.target} at {units.radioed(self.position)}, {self.time:%Y-%m-%d %H:%M} UTC",
+            self.case,
             self.wind.described(self._clock),
             self.current.described(self._clock),
         ]
@@ -258,16 +359,38 @@ class Incident:
         return f"{known}; {plural(self.drones, 'drone')} from {self._clock(self.start)}."
 
     @property
+    def case(self) -> str:
+        """What may have happened, in words."""
+        if not self.cases:
+            where = units.radioed(self.origin.position)
+            return f"{self.target} at {where}, {self.began:%Y-%m-%d %H:%M} UTC"
+        if len(self.cases) == 1:
+            return self.cases[0].sentence
+        cases = [f"{each.name} ({each.weight:.0%}): {each.sentence}" for each in self.cases]
+        return "; ".join(cases)
+
+    @property
     def target(self) -> str:
         """What is searched for, in words."""
         if self.tracks is not None:
             return f"Tracks of {printable(Path(self.tracks).name)}"
-        kind = leeway.class_of(self.object_class)
-        return f"{kind.description.removesuffix(' (mean values)')} ({kind.name})"
+        targets = dict.fromkeys(each.target for each in self.cases)
+        return " or ".join(targets)
+
+    @property
+    def headline(self) -> str:
+        """What is searched for, in few words."""
+        if not self.cases:
+            return self.target
+        kinds = [leeway.class_of(name).description for name in self.object_classes]
+        if len(kinds) == 1:
+            return kinds[0].removesuffix(MEAN)
+        names = dict.fromkeys(kind.partition(",")[0].lower() for kind in kinds)
+        return " or ".join(names).capitalize()
 
     def _clock(self, time: datetime) -> str:
         """A time in words, with its date unless that is the incident's."""
-        if time.date() == self.time.date():
+        if time.date() == self.began.date():
             return f"{time:%H:%M}"
         return f"{time:%Y-%m-%d %H:%M}"
 
@@ -279,9 +402,12 @@ class Incident:
 
     def as_json(self, folder: Path) -> str:
         """The text of a file that will lie in a folder, from which its paths count."""
-        values = self._values | self._typed
-        if self.base == self.position:
-            values["base"] = None
+        values = {name: value for name, value in self._values.items() if _is_given(name, value)}
+        if isinstance(values.get("area"), (str, os.PathLike)) and ";" not in str(values["area"]):
+            values["area"] = os.path.relpath(values["area"], folder)
+        if self.hypotheses:  # they are complete
+            values = {name: value for name, value in values.items() if name not in SHARED}
+            values["hypotheses"] = [each.plain(folder) for each in self.hypotheses]
         for name in FLOWS:
             values[name] = values[name].as_typed(os.fspath(folder))
         for name, value in (("tracks", self.tracks), ("coast", self.coast)):
@@ -295,11 +421,12 @@ class Incident:
         data = parsed_json(Path(path).read_bytes())
         names = [each.name for each in fields(cls) if each.init]
         values = checks.known_keys("an incident", data, names, ValueError)
-        for name in ("tracks", "coast", *FLOWS):
-            file = values.get(name)
-            if isinstance(file, str) and _names_file(name, file):
-                values[name] = os.path.normpath(Path(path).parent / file)
-        return cls(**{**values, **changes})
+        folder = Path(path).parent
+        _find_files(values, ("tracks", "coast", "area", *FLOWS), folder)
+        for each in values.get("hypotheses") or ():
+            if isinstance(each, dict):
+                _find_files(each, ("area",), folder)
+        return cls(**_replaced(values, changes))
 
 
 def levels(altitude: float, ceiling: float) -> list[float]:
@@ -307,6 +434,26 @@ def levels(altitude: float, ceiling: float) -> list[float]:
     above = np.arange(altitude, ceiling + 1e-6, HEIGHTS_APART)
     below = np.arange(altitude - HEIGHTS_APART, LOWEST - 1e-6, -HEIGHTS_APART)
     return [*above.tolist(), *below.tolist()]
+
+
+def _find_files(values: dict[str, Any], names: tuple[str, ...], folder: Path) -> None:
+    """Let the paths of files count from a folder."""
+    for name in names:
+        file = values.get(name)
+        if isinstance(file, str) and _names_file(name, file):
+            values[name] = os.path.normpath(folder / file)
+
+
+def _replaced(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """Values with changes; another place, or other hypotheses, replace all that were given."""
+    if any(name in changes for name in (*PLACES, "hypotheses")):
+        values = {**values, **dict.fromkeys(WHERE), "hypotheses": ()}
+    return {**values, **changes}
+
+
+def _is_given(name: str, value: object) -> bool:
+    """Whether a value that depends on others, or is one of several forms, has been given."""
+    return value not in (None, ()) or name not in (*TYPED, *DEPENDENT)
 
 
 @lru_cache(maxsize=8)
@@ -319,12 +466,14 @@ def _names_file(name: str, value: str) -> bool:
     """Whether a value names a file."""
     if name == "coast":
         return value not in COASTS
+    if name == "area":
+        return ";" not in value
     return name == "tracks" or Path(value).suffix.lower() in FILES
 
 
 def _checked(given: dict[str, Any]) -> dict[str, Any]:
     """The values of an incident in their plain forms, from what was given."""
-    values = {**given, **_object(given), "coast": _coast(given["coast"])}
+    values = {**given, **_case(given), "coast": _coast(given["coast"])}
     values |= {
         name: kind.read(name, given[name])
         for name, kind in QUANTITIES.items()
@@ -342,8 +491,8 @@ def _checked(given: dict[str, Any]) -> dict[str, Any]:
             f"{given['reserve']!r}"
         )
     values |= _heights(values)
-    values |= _positions_and_times(values)
-    origin = Origin(values["position"], values["time"])
+    values |= _base_and_start(values)
+    origin = values["origin"]
     landed = values["start"] + timedelta(seconds=values["endurance"] - values["reserve"])
     for name in FLOWS:
         flow = read_flow(name, values[name], origin)
@@ -386,28 +535,114 @@ def _coast(value: object) -> str:
     return coast
 
 
-def _object(given: dict[str, Any]) -> dict[str, Any]:
-    """What drifts; tracks complete the values."""
-    if given["tracks"] is None:
-        if given["object_class"] is None:
+def _case(given: dict[str, Any]) -> dict[str, Any]:
+    """What may have happened, and where metres and seconds begin."""
+    if given["tracks"] is not None:
+        return _case_of_tracks(given)
+    if given["hypotheses"]:
+        cases = _several(given)
+        values = {"hypotheses": cases, **dict.fromkeys(SHARED)}
+    else:
+        cases = (_only_one(given),)
+        values = _flat(cases[0])
+    if given["wind"] is None:
+        raise ValueError("wind must be given, such as 300 25kn, or tracks in its place")
+    middle = _middle(cases)
+    plane = TangentPlane(*middle)
+    for row, each in enumerate(cases):
+        far = max(float(np.hypot(*line.T).max()) for line in each.place.outlines(plane))
+        if not far <= FARTHEST:
+            name = f"hypotheses[{row}]" if given["hypotheses"] else "line or area"
             raise ValueError(
-                "object_class must be given, such as PIW-1, a person in the water, or tracks in "
-                "its place"
+                f"{name} must be within {FARTHEST / 1000:g} km of the middle of all, got "
+                f"{far / 1000:,.0f} km"
             )
-        leeway.class_of(given["object_class"])
-        if given["wind"] is None:
-            raise ValueError("wind must be given, such as 300 25kn, or tracks in its place")
-        return {}
+    origin = Origin(middle, min(each.time[0] for each in cases))
+    return {**values, "cases": cases, "origin": origin}
+
+
+def _latest(hypotheses: Sequence[Hypothesis], time: datetime) -> datetime:
+    """When the person drifts at the latest; `time` without hypotheses."""
+    return max((each.time[1] for each in hypotheses), default=time)
+
+
+def _only_one(given: dict[str, Any]) -> Hypothesis:
+    """The hypothesis that is given by the values of the incident."""
+    return Hypothesis(**{name: given[name] for name in ONE_CASE})
+
+
+def _flat(case: Hypothesis) -> dict[str, Any]:
+    """The values of the only hypothesis as those of the incident."""
+    values = {name: getattr(case, name) for name in ONE_CASE}
+    first, last = case.time
+    if first == last:
+        values["time"] = first
+    if len(case.object_class) == 1:
+        values["object_class"] = case.object_class[0][0]
+    return values
+
+
+def _several(given: dict[str, Any]) -> tuple[Hypothesis, ...]:
+    """Hypotheses, with weights that sum to 1; the values of the incident complete mappings."""
+    for name in WHERE:
+        if given[name] is not None:
+            raise ValueError(f"{name} cannot be given together with hypotheses, which have theirs")
+    shared = {name: given[name] for name in SHARED if given[name] is not None}
+    used: set[str] = set()
+    found: list[Hypothesis] = []
+    for row, each in enumerate(checks.items("hypotheses", given["hypotheses"], "a list")):
+        name = f"hypotheses[{row}]"
+        if isinstance(each, Hypothesis):
+            found.append(each)
+            continue
+        values = checks.known_keys(name, each, FIELDS, ValueError)
+        used |= shared.keys() - values.keys()
+        try:
+            found.append(Hypothesis(**{**shared, **values}))
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"{name}: {error}") from None
+    for name in shared.keys() - used:
+        raise ValueError(f"{name} cannot be given together with hypotheses that all have theirs")
+    names = [each.name or str(number) for number, each in enumerate(found, 1)]
+    if len(set(names)) < len(names):
+        raise ValueError(f"hypotheses must have different names, got {', '.join(names)}")
+    total = math.fsum(each.weight for each in found)
+    return tuple(
+        each.named(name, each.weight / total) for each, name in zip(found, names, strict=True)
+    )
+
+
+def _middle(hypotheses: Sequence[Hypothesis]) -> Pair:
+    """The mean of the middles of hypotheses, weighted."""
+    middles = [each.place.middle for each in hypotheses]
+    if len(middles) == 1:
+        return middles[0]
+    weights = [each.weight for each in hypotheses]
+    plane = TangentPlane(*middles[0])
+    metres = np.average([plane.metres(*middle) for middle in middles], axis=0, weights=weights)
+    latitude, longitude = plane.degrees(metres).tolist()
+    return latitude, longitude
+
+
+def _case_of_tracks(given: dict[str, Any]) -> dict[str, Any]:
+    """What tracks say about position and time, where nothing else does."""
     if given["object_class"] is not None:
         raise ValueError("object_class cannot be given together with tracks")
     path = Path(given["tracks"])
     if not path.is_file():
         raise ValueError(f"tracks must name a file, but there is no {str(path)!r}")
     known, began = first_known(path)
+    where = known if given["position"] is None else given["position"]
+    position = read_position("position", where)
+    first, last = read_times(began if given["time"] is None else given["time"])
+    if first != last:
+        raise ValueError(f"time must be one time, together with tracks, got {given['time']!r}")
     return {
         "tracks": os.fspath(given["tracks"]),
-        "position": known if given["position"] is None else given["position"],
-        "time": began if given["time"] is None else given["time"],
+        "position": position,
+        "time": first,
+        "cases": (),
+        "origin": Origin(position, first),
         "wind": (0.0, 0.0) if given["wind"] is None else given["wind"],
     }
 
@@ -415,56 +650,40 @@ def _object(given: dict[str, Any]) -> dict[str, Any]:
 def _check_tracks_alone(values: dict[str, Any], given: dict[str, Any]) -> None:
     """Refuse values that tracks have already: given, they would have no effect."""
     is_still = values["current"].vectors_from(0.0) == {0.0: (0.0, 0.0)}
-    usual = {each.name: each.default for each in fields(Incident)} | ERRORS
     for name in IN_TRACKS:
-        is_usual = is_still if name == "current" else values[name] == usual[name]
-        if not is_usual:
+        is_usual = given[name] in (None, (), ERRORS.get(name))
+        if not (is_still if name == "current" else is_usual):
             raise ValueError(
                 f"{name} cannot be given together with tracks, which have it already, got "
                 f"{given[name]!r:.100}"
             )
 
 
-def _positions_and_times(values: dict[str, Any]) -> dict[str, Any]:
-    position = _position("position", values["position"])
-    time = in_utc("time", values["time"])
-    base = position
+def _base_and_start(values: dict[str, Any]) -> dict[str, Any]:
+    """Where drones take off, and when."""
+    known = values["origin"].position
+    time = values["origin"].time
+    latest = _latest(values["cases"], time)
+    base = known
     if values["base"] is not None:
-        base = _position("base", values["base"])
-    if not TangentPlane(*position).distance(*base) <= FARTHEST:
+        base = read_position("base", values["base"])
+    if not TangentPlane(*known).distance(*base) <= FARTHEST:
         raise ValueError(
             f"base must be within {FARTHEST / 1000:g} km of position, got {base}, far from "
-            f"{position}; is the latitude first in both?"
+            f"{known}; is the latitude first in both?"
         )
-    start = time + timedelta(hours=1)
+    start = latest + timedelta(hours=1)
     if values["start"] is not None:
-        start = near("start", values["start"], time)
-    if start < time:
-        raise ValueError(f"start must not be before time, {time}, got {start}")
+        start = near("start", values["start"], latest)
+    if start < latest:
+        raise ValueError(f"start must not be before time, {latest}, got {start}")
     if start > time + LONGEST_DRIFT:
         hours = LONGEST_DRIFT.total_seconds() / 3600
         raise ValueError(
             f"start must be at most {hours:g} hours after time, {time}, got {start}; later, take a "
             "newer position"
         )
-    return {"position": position, "time": time, "base": base, "start": start}
-
-
-def _position(name: str, value: object) -> Pair:
-    if isinstance(value, str):
-        value = units.named(name, units.position, value)
-    elif isinstance(value, (tuple, list)) and len(value) == 2:
-        value = tuple(
-            units.named(name, units.degrees, number, letters) if isinstance(number, str) else number
-            for number, letters in zip(value, ("NS", "EW"), strict=True)
-        )
-    latitude, longitude = checks.pair(name, value, "(latitude, longitude) in degrees")
-    if not (abs(latitude) <= 89.0 and abs(longitude) <= 180.0):
-        raise ValueError(
-            f"{name} must be (latitude, longitude) in degrees, the latitude first and from -89 to "
-            f"89, the longitude from -180 to 180, got {value!r}"
-        )
-    return latitude, longitude
+    return {"base": base, "start": start}
 
 
 def _flown(values: dict[str, Any]) -> tuple[FlownFlight, ...]:

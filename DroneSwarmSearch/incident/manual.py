@@ -17,14 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.geo.units import KNOT
+from DroneSwarmSearch.geo.units import KNOT, PROBABLE
 from DroneSwarmSearch.incident.drone import drone_of
 from DroneSwarmSearch.incident.flights import track
 from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.places import Point
 from DroneSwarmSearch.persons import leeway
-
-PROBABLE = math.sqrt(2 * math.log(2))
-"""The probable error of a circular normal distribution, in standard deviations along an axis."""
 
 LEEWAY_ERROR = 0.3 * KNOT
 """The probable error of a leeway, where nobody knows a better one."""
@@ -107,10 +105,10 @@ def worksheet(incident: Incident) -> Worksheet:
     The sweep width is the swath times the probability of detection.
 
     Raises:
-        ValueError: the incident has tracks, of which the worksheets know nothing.
+        ValueError: the worksheets know nothing of what the incident has: tracks, several hypotheses
+            or object classes, or another place than a position.
     """
-    if incident.tracks is not None:
-        raise ValueError("method 'manual' needs an object class and a wind, but got tracks")
+    known = _one_point(incident)
     drones = [drone_of(incident, number) for number in range(incident.drones)]
     half_way = incident.seconds(incident.start) + drones[0].endurance / 2
     both = datums(incident, half_way)
@@ -119,7 +117,7 @@ def worksheet(incident: Incident) -> Worksheet:
     return Worksheet(
         datums=both,
         error=total_probable_error(
-            PROBABLE * incident.position_sd, DRONE_ERROR, drift_errors(incident), half_way
+            PROBABLE * known.error, DRONE_ERROR, drift_errors(incident), half_way
         ),
         effort=sum(times) * ON_SEARCH * incident.speed * sweep_width,
         before=sum(_swept(incident)),
@@ -127,9 +125,23 @@ def worksheet(incident: Incident) -> Worksheet:
     )
 
 
+def _one_point(incident: Incident) -> Point:
+    """The position of an incident with one object class, and nothing else."""
+    cases = incident.cases
+    if len(cases) != 1 or len(incident.object_classes) != 1:
+        raise ValueError(
+            "method 'manual' needs one hypothesis with one object class, got "
+            f"{'tracks' if incident.tracks else incident.case}"
+        )
+    place = cases[0].place
+    if not isinstance(place, Point):
+        raise ValueError(f"method 'manual' needs a position, got {place.words}")
+    return place
+
+
 def datums(incident: Incident, seconds: float) -> Floats:
     """Where objects that go to the right and to the left of the wind are at a time: (2, 2)."""
-    kind = leeway.class_of(incident.object_class)
+    kind = leeway.class_of(incident.object_classes[0])
     position = np.zeros((2, 2))  # (east, north), (right, left)
     parts = max(math.ceil(seconds / STEP), 1)
     step = seconds / parts
@@ -151,7 +163,7 @@ def datums(incident: Incident, seconds: float) -> Floats:
 
 def drift_errors(incident: Incident) -> list[float]:
     """The probable errors of the drift by wind, of the current and of the leeway, in m/s."""
-    slope = leeway.class_of(incident.object_class).downwind.slope / 100
+    slope = leeway.class_of(incident.object_classes[0]).downwind.slope / 100
     by_wind = slope * PROBABLE * incident.wind_error
     return [by_wind, PROBABLE * incident.current_error, LEEWAY_ERROR]
 

@@ -141,7 +141,7 @@ class Order:
             that the drone finds.
         """
         half_way = float(self._seconds[1] + self._seconds[-2]) / 2
-        since = (self.flight[0].time - self.incident.time).total_seconds()
+        since = (self.flight[0].time - self.incident.began).total_seconds()
         inside = self.contains(particles.at(since + half_way), half_way)
         weights = particles.weights * inside
         contained = float(weights.sum())

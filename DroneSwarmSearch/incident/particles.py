@@ -12,11 +12,12 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch.geo.flows import Flow
 from DroneSwarmSearch.geo.scale import Scale
-from DroneSwarmSearch.incident.coast import Coast
+from DroneSwarmSearch.incident.coast import ON_A_LAKE, Coast
 from DroneSwarmSearch.incident.flights import legs_of
+from DroneSwarmSearch.incident.hypothesis import Hypothesis
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.persons import leeway
-from DroneSwarmSearch.persons.leeway import DIFFUSIVITY, JIBING, ObjectClass
+from DroneSwarmSearch.persons.leeway import DIFFUSIVITY, JIBING
 from DroneSwarmSearch.persons.track_files import positions
 
 LONGEST_STEP = 60.0  # of the simulation, in seconds
@@ -28,6 +29,7 @@ MOST_STEPS = 400  # that are kept
 FEWEST_TRACKS = 20
 
 MOST_CANDIDATES = 1000  # positions that are drawn at a time in place of those on land
+MOST_IN_VAIN = 100  # times that they are all on land
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,9 @@ class Particles:
         step: between two times.
         positions: (east, north), float32, (2, times, n).
         weights: how likely each one is: float64, (n,); they sum to 1.
+        begun: when each one begins to drift, in seconds: float64, (n,). Before, nobody can find it.
+        hypotheses: the number of the hypothesis of each one: (n,).
+        kinds: the number of its object class, see `Incident.object_classes`: (n,).
         ashore: the share of those who have stranded at the last time.
         found: the share of those whom earlier flights would have found, and who weigh less for it.
     """
@@ -49,6 +54,9 @@ class Particles:
     step: float
     positions: Singles
     weights: Floats
+    begun: Floats
+    hypotheses: Ints
+    kinds: Ints
     ashore: float = 0.0
     found: float = 0.0
 
@@ -75,8 +83,14 @@ class Particles:
 
     def first(self, n: int) -> Particles:
         """The first n of them, or all."""
-        weights = self.weights[:n] / self.weights[:n].sum()
-        return replace(self, positions=self.positions[..., :n], weights=weights)
+        return replace(
+            self,
+            positions=self.positions[..., :n],
+            weights=self.weights[:n] / self.weights[:n].sum(),
+            begun=self.begun[:n],
+            hypotheses=self.hypotheses[:n],
+            kinds=self.kinds[:n],
+        )
 
     # Flights.
 
@@ -111,6 +125,7 @@ class Particles:
         row = self.rows(when)
         along, across = lines.beside(leg, east[row, who], north[row, who])
         is_swept = (np.abs(across) <= half) & (along >= 0) & (along < lines.length[leg])
+        is_swept &= when >= self.begun[who]
         return who[is_swept], begin[is_swept] + along[is_swept] / speed[is_swept]
 
     def missed(self, legs: Floats, swath: float, detection: float) -> Floats:
@@ -191,7 +206,7 @@ def simulate(incident: Incident, n: int, seed: int, longer: float = 0.0) -> Part
 
     missed = np.ones_like(cloud.weights)
     for flight in incident.flown:
-        legs = legs_of(flight.waypoints, incident.plane, incident.time)
+        legs = legs_of(flight.waypoints, incident.plane, incident.began)
         missed *= cloud.missed(legs, flight.swath, flight.probability_of_detection)
     weights = cloud.weights * missed
     found = float(cloud.weights @ (1.0 - missed))
@@ -204,7 +219,7 @@ def _of_tracks(incident: Incident, times: Floats, step: float, n: int, seed: int
     cells, *_ = positions(
         Path(incident.tracks or ""),
         Scale(1.0, step),
-        origin=incident.position,
+        origin=incident.origin.position,
         cell=(0.0, 0.0),
         start=incident.origin.at(begin).isoformat(),
         steps=len(times) - 1,
@@ -218,12 +233,21 @@ def _of_tracks(incident: Incident, times: Floats, step: float, n: int, seed: int
         )
     metres = cells[:, seed % 2 :: 2] * (1, -1)
     some = metres[:, :n].astype(np.float32)
-    weights = np.full(some.shape[1], 1.0 / some.shape[1])
-    return Particles(begin, step, np.ascontiguousarray(some.transpose(2, 0, 1)), weights)
+    count = some.shape[1]
+    none = np.zeros(count, np.int64)
+    return Particles(
+        begin=begin,
+        step=step,
+        positions=np.ascontiguousarray(some.transpose(2, 0, 1)),
+        weights=np.full(count, 1.0 / count),
+        begun=np.zeros(count),
+        hypotheses=none,
+        kinds=none,
+    )
 
 
 class _Drifting:
-    """Persons who drift from the last known position on, at time 0 and (0, 0).
+    """Persons who drift from where and when the hypotheses say.
 
     The Leeway model of Breivik and Allen (2008), as `leeway` describes it, in each particle's own
     wind: an object's errors, and those of its wind and current, never change. Turbulence
@@ -232,13 +256,20 @@ class _Drifting:
     """
 
     def __init__(self, incident: Incident, n: int, seed: int) -> None:
-        self._kind: ObjectClass = leeway.class_of(incident.object_class)
+        self._incident = incident
         self._wind: Flow = incident.wind
         self._current: Flow = incident.current
         self._rng = np.random.default_rng(seed)
         self._n = n
         self._coast = Coast(incident)
-        self._position = self._starts(incident.position_sd)
+        self._hypotheses, self._kinds = _shared_out(incident, n, seed)
+        classes = [leeway.class_of(name) for name in incident.object_classes]
+        self._downwind = np.array([kind.downwind for kind in classes])[self._kinds].T
+        self._crosswind = np.array([(kind.right, kind.left) for kind in classes])
+        self._position = np.empty((2, n))
+        self._begun = np.empty(n)
+        for number in range(len(incident.cases)):
+            self._start(number)
         self._wind_off = self._rng.normal(0.0, incident.wind_error, (2, n))
         self._current_off = self._rng.normal(0.0, incident.current_error, (2, n))
         self._members = np.arange(n)
@@ -246,25 +277,46 @@ class _Drifting:
         self._side = np.arange(n) % 2  # 0: right of the wind
         self._across = self._rng.normal(size=n)
 
-    def _starts(self, sd: float) -> Floats:
-        """Positions at sea around the last known one: (2, n)."""
-        positions = self._rng.normal(0.0, sd, (2, self._n))
-        wrong = self._coast.is_land(positions).nonzero()[0]
+    def _start(self, number: int) -> None:
+        """Set where, at sea, and when those of a hypothesis begin."""
+        case = self._incident.cases[number]
+        who = (self._hypotheses == number).nonzero()[0]
+        points, begun = self._drawn(case, len(who))
+        wrong = self._coast.is_land(points).nonzero()[0]
+        in_vain = 0
         while wrong.size:
-            others = self._rng.normal(0.0, sd, (2, MOST_CANDIDATES))
-            others = others[:, ~self._coast.is_land(others)]
-            done = wrong[: others.shape[1]]
-            positions[:, done] = others[:, : len(done)]
+            others, times = self._drawn(case, MOST_CANDIDATES)
+            at_sea = (~self._coast.is_land(others)).nonzero()[0][: len(wrong)]
+            in_vain = 0 if at_sea.size else in_vain + 1
+            if in_vain == MOST_IN_VAIN:
+                raise ValueError(
+                    f"what is known must be at sea, at least in part, got {case.place.words}, of "
+                    f"which nearly everything is on land; {ON_A_LAKE}"
+                )
+            done = wrong[: len(at_sea)]
+            points[:, done] = others[:, at_sea]
+            begun[done] = times[at_sea]
             wrong = wrong[len(done) :]
-        return positions
+        self._position[:, who] = points
+        self._begun[who] = begun
+
+    def _drawn(self, case: Hypothesis, n: int) -> tuple[Floats, Floats]:
+        """Where n persons begin, (2, n), and when, in seconds: (n,)."""
+        first, last = map(self._incident.seconds, case.time)
+        points, shares = case.place.draw(self._incident.plane, self._rng, n)
+        if first == last:
+            return points, np.full(n, first)
+        if shares is None:
+            shares = self._rng.random(n)
+        return points, first + shares * (last - first)
 
     def _downwind_errors(self) -> Floats:
         """The downwind errors, drawn again where an object would drift against the wind."""
-        slope, _, sd = self._kind.downwind
+        slope, _, sd = self._downwind
         along = self._rng.normal(0.0, sd, self._n)
         wrong = slope + along / 20 < 0
         while np.any(wrong):
-            along[wrong] = self._rng.normal(0.0, sd, int(wrong.sum()))
+            along[wrong] = self._rng.normal(0.0, sd[wrong])
             wrong = slope + along / 20 < 0
         return along
 
@@ -276,10 +328,9 @@ class _Drifting:
         blown = blown + self._wind_off
         speed = np.hypot(*blown)
         downwind = blown / np.maximum(speed, 1e-9)
-        slope, offset, _ = self._kind.downwind
+        slope, offset, _ = self._downwind
         down = (slope + self._along / 20) * speed + offset + self._along / 2
-        sides = np.array([self._kind.right, self._kind.left])
-        a, b, s = sides[self._side].T
+        a, b, s = self._crosswind[self._kinds, self._side].T
         right = (a + s * self._across / 20) * speed + b + s * self._across / 2
         to_the_right = downwind[::-1] * [[1], [-1]]
         leeway_velocity: Floats = (down * downwind + right * to_the_right) / 100
@@ -303,11 +354,37 @@ class _Drifting:
                 half_way = self._position + h / 2 * np.nan_to_num(velocity)
                 velocity = self._velocity(now + h / 2, half_way)
                 walk = self._rng.normal(0.0, np.sqrt(2 * DIFFUSIVITY * h), (2, n))
-                moved = self._position + h * velocity + walk
-                ashore |= np.isnan(moved[0])
-                ashore[~ashore] = self._coast.is_land(moved[:, ~ashore])
-                self._position = np.where(ashore, self._position, moved)
+                adrift = np.clip((now + h - self._begun) / h, 0.0, 1.0)
+                moved = self._position + adrift * h * velocity + np.sqrt(adrift) * walk
+                is_afloat = (adrift > 0.0) & ~ashore
+                ashore |= is_afloat & np.isnan(moved[0])
+                is_afloat &= ~ashore
+                ashore[is_afloat] = self._coast.is_land(moved[:, is_afloat])
+                self._position = np.where(is_afloat & ~ashore, moved, self._position)
                 now += h
             kept[:, row] = self._position
-        weights = np.full(n, 1.0 / n)
-        return Particles(float(times[0]), step, kept, weights, ashore=float(ashore.mean()))
+        return Particles(
+            begin=float(times[0]),
+            step=step,
+            positions=kept,
+            weights=np.full(n, 1.0 / n),
+            begun=self._begun,
+            hypotheses=self._hypotheses,
+            kinds=self._kinds,
+            ashore=float(ashore.mean()),
+        )
+
+
+def _shared_out(incident: Incident, n: int, seed: int) -> tuple[Ints, Ints]:
+    """The hypothesis and the object class of each particle, as many of each as its weight says."""
+    classes = incident.object_classes
+    cases = [
+        (number, classes.index(name), each.weight * weight)
+        for number, each in enumerate(incident.cases)
+        for name, weight in each.object_class
+    ]
+    hypotheses, kinds, weights = zip(*cases, strict=True)
+    ends = np.cumsum(weights) / np.sum(weights)
+    which = ends.searchsorted((np.arange(n) + 0.5) / n)
+    np.random.default_rng((seed, len(cases))).shuffle(which)
+    return np.array(hypotheses)[which], np.array(kinds)[which]

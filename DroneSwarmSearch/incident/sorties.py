@@ -14,7 +14,7 @@ from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.geo.flows import Flow, Origin, Series
 from DroneSwarmSearch.geo.plane import TangentPlane
-from DroneSwarmSearch.geo.times import in_utc, near
+from DroneSwarmSearch.geo.times import near
 from DroneSwarmSearch.geo.typed_flows import read_flow
 from DroneSwarmSearch.incident.drone import drone_of
 from DroneSwarmSearch.incident.flights import (
@@ -78,12 +78,10 @@ def after(
     ]
     values = {**changes, "flown": (*incident.flown, *new)}
     landed = max(flight.landing for flight in values["flown"])
-    time = incident.time
-    if values.get("time") is not None:
-        time = in_utc("time", values["time"])
-    start = max(landed + SORTIES_APART, time)
+    time, latest = incident.times_with(changes)
+    start = max(landed + SORTIES_APART, latest)
     if at is not None:
-        start = near("start", at, time)
+        start = near("start", at, latest)
     if start < landed:
         raise ValueError(f"start must not be before the last landing, {landed}, got {start}")
     for name in FLOWS:
@@ -149,7 +147,7 @@ class _Limits:
         middle = np.zeros((2, 1))
         strongest = max(
             here.wind(incident.start, middle),
-            here.wind(incident.time, middle),
+            here.wind(incident.began, middle),
         )
         reach = FASTER * (incident.speed + strongest) * incident.endurance
         return replace(here, reach=min(reach, FARTHEST))
@@ -162,7 +160,7 @@ class _Limits:
 
     def check(self, flight: NamedFlight) -> None:
         """Raise a ValueError unless a drone can have flown so; it names the waypoint."""
-        first = self.incident.time
+        first = self.incident.began
         last = self.incident.start + LONGEST_DRIFT
         points = track(flight.waypoints, self.incident.plane)
         for row, (name, waypoint) in enumerate(zip(*flight, strict=True)):

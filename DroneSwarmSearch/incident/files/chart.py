@@ -37,6 +37,7 @@ ROW_HEIGHT = 8.1
 NAMES_WIDTH = 85
 FEWEST_COLUMNS = 3
 TEXT_BOTTOM = 16
+LINE_HEIGHT = 9.7
 
 PER_SHEET = 6
 """The most drones whose flights are told apart on a sheet; more are drawn on further sheets."""
@@ -153,9 +154,9 @@ class _Sheet:
         self._flights = flights
         self._means: list[Floats] = []  # of the positions, at the start and at the end
         self._corners: list[Floats] = []  # of what must be on the map
-        self.known = self._incident.plane.metres(*self._incident.position)
+        self.points = [mark for mark in self._incident.marks if len(mark.points) == 1]
         self.base = self._incident.plane.metres(*self._incident.base)
-        self.marked = [self.known, self.base]
+        self.marked = [self.base, *(mark.points[0] for mark in self.points)]
 
     # What is on the map.
 
@@ -209,7 +210,7 @@ class _Sheet:
         corners = [*self._corners]
         for flight in self._flights:
             corners += [flight.pattern.min(axis=0), flight.pattern.max(axis=0)]
-        for position in (self.known, self.base):
+        for position in self.marked:
             low = np.min(corners, axis=0)
             high = np.max(corners, axis=0)
             if np.all(np.abs(position - (low + high) / 2) < WIDER / 2 * (high - low).max()):
@@ -292,17 +293,21 @@ class _Sheet:
         self._axes.plot([], [], marker="$10$", label=label, **SIGN)
 
     def draw_positions(self) -> None:
-        """Draw where drones take off, and the last known position."""
-        known_is_north = self.known[1] >= self.base[1]
-        up = 11 if known_is_north else -11  # the northern name above its position
-        way = self.base - self.known
+        """Draw where drones take off, and what is known of where persons were."""
+        known = self.points[0].points[0] if self.points else np.zeros(2)
+        up = 11 if known[1] >= self.base[1] else -11  # the northern name above its position
+        way = self.base - known
         away = ""
         if np.hypot(*way) > self.point:
             away = f": {_course(way)} from there"
         take_off = f"take-off, {up_to_the_minute(self._incident.start):%H:%M}"
         self._draw_position(self.base, symbols="s", size=15, name=take_off, up=-up, away=away)
-        known = f"last known position, {self._incident.time:%H:%M}"
-        self._draw_position(self.known, symbols="oP", size=8, name=known, up=up, away="")
+        for name, when, points in self._incident.marks:
+            label = f"{name}, {when}"
+            if len(points) == 1:
+                self._draw_position(points[0], symbols="oP", size=8, name=label, up=up, away="")
+            else:
+                self._axes.plot(*points.T, "k:", linewidth=1.4, label=label, zorder=8)
 
     def _draw_position(
         self, at: Floats, *, symbols: str, size: float, name: str, up: int, away: str
@@ -418,13 +423,15 @@ class _Sheet:
 
     def draw_title(self) -> None:
         """Write the probability of success, and the incident."""
-        target = self._incident.target.partition(" (")[0]
         success = f"{self._plan.probability_of_success:.0%} by {self._plan.landed:%H:%M} UTC"
-        title = _wrapped(f"{target}: probability of success {success}", 78)
+        title = _wrapped(f"{self._incident.headline}: probability of success {success}", 78)
+        sentences = f"{self._incident.sentence} {self._plan.success_by_part}"
+        text = _wrapped(sentences, 130)
+        pad = 14.5 + LINE_HEIGHT * (text.count("\n") + 1)
         axes = self._axes
-        axes.set_title(title, loc="left", pad=34, fontsize=12, weight="bold")
-        sentence = _wrapped(self._incident.sentence, 130)
-        axes.text(0, 1.055, sentence, transform=axes.transAxes, va="top", fontsize=7.5)
+        axes.set_title(title, loc="left", pad=pad, fontsize=12, weight="bold")
+        above = 1 + 5 / SHEET[1]
+        axes.text(0, above, text, transform=axes.transAxes, va="bottom", fontsize=7.5)
 
 
 def _set_ticks(axis: Any, metres: tuple[float, float], ends: Floats, letters: str) -> None:

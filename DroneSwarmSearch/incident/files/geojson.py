@@ -1,18 +1,25 @@
-"""GeoJSON: the last known position, land, and a line and the waypoints of each drone."""
+"""GeoJSON: what is known of the persons, land, and a line and the waypoints of each drone."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
-from DroneSwarmSearch.incident.files.lines import land_of, lengths, point_of, split, utc
+from DroneSwarmSearch.incident.files.lines import (
+    land_of,
+    lengths,
+    mark_in_degrees,
+    point_of,
+    split,
+    utc,
+)
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
+from DroneSwarmSearch.incident.incident import Mark
 
 
 def geojson(plan: FlightPlan) -> str:
     """The content of plan.geojson."""
-    latitude, longitude = plan.incident.position
-    features = [_feature("Point", (longitude, latitude), name="last known position")]
+    features = [_mark(plan, mark) for mark in plan.incident.marks]
     land = land_of(plan)
     if land:
         polygons = [[outline.tolist() for outline in polygon] for polygon in land]
@@ -42,6 +49,16 @@ def geojson(plan: FlightPlan) -> str:
             )
             features.append(point)
     return json.dumps({"type": "FeatureCollection", "features": features}) + "\n"
+
+
+def _mark(plan: FlightPlan, mark: Mark) -> dict[str, Any]:
+    """What is known of where persons were: a point, a line or an outline."""
+    line = mark_in_degrees(plan, mark)
+    if mark.is_closed:
+        return _feature("Polygon", [line], name=mark.name)
+    if len(line) == 1:
+        return _feature("Point", line[0], name=mark.name)
+    return _feature("LineString", line, name=mark.name)
 
 
 def _feature(kind: str, coordinates: object, **properties: object) -> dict[str, Any]:

@@ -37,20 +37,20 @@ def html_page(plan: FlightPlan) -> str:
 
     data = _data(plan)
     incident = plan.incident
-    target = incident.target.partition(" (")[0]
     title = (
-        f"{target}: probability of success {plan.probability_of_success:.0%} by "
+        f"{incident.headline}: probability of success {plan.probability_of_success:.0%} by "
         f"{plan.landed:%H:%M} UTC"
     )
     land = '<li><i class="shore"></i>land</li>' if data["land"] else ""
     more = " ".join(each.sentence for each in plan.alternatives)
     return Template(text("page.html")).substitute(
         title=escape(title),
-        sentence=escape(" ".join([incident.sentence, *plan.earlier])),
+        sentence=escape(" ".join([incident.sentence, *plan.earlier, plan.success_by_part])),
         style=text("page.css"),
         script=text("page.js"),
         duration=f"{data['duration']:.0f}",
         land=land,
+        known=escape(", ".join(dict.fromkeys(mark.name for mark in incident.marks))),
         briefing=escape(" ".join(plan.briefing)),
         orders=_orders(plan),
         assumptions=escape(" ".join(plan.assumptions)),
@@ -95,6 +95,7 @@ def _data(plan: FlightPlan) -> dict[str, Any]:
         "parallels": _round_lines(plan, low, high, axis=1),
         "meridians": _round_lines(plan, low, high, axis=0),
         "land": [[outline.round(0).tolist() for outline in polygon] for polygon in polygons],
+        "marks": [mark.points.round(1).tolist() for mark in incident.marks],
         "base": incident.plane.metres(*incident.base).round(1).tolist(),
         "swath": incident.swath,
         "detection": incident.probability_of_detection,

@@ -11,8 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.geo.coast import Polygon
-from DroneSwarmSearch.incident.files.lines import Line, land_of, point_of, split, utc
+from DroneSwarmSearch.geo.polygons import Polygon
+from DroneSwarmSearch.incident.files.lines import (
+    Line,
+    land_of,
+    mark_in_degrees,
+    point_of,
+    split,
+    utc,
+)
 from DroneSwarmSearch.incident.files.xml import add, as_bytes
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 from DroneSwarmSearch.incident.flights import Waypoint
@@ -55,9 +62,10 @@ def kml(plan: FlightPlan, overlays: list[Overlay]) -> bytes:
     land = land_of(plan)
     if land:
         _add_land(document, land)
-    latitude, longitude = plan.incident.position
-    known = _shape([(longitude, latitude)], 0)
-    add(document, "Placemark", name="last known position", Point=known)
+    for mark in plan.incident.marks:
+        line = mark_in_degrees(plan, mark)
+        kind = "Point" if len(line) == 1 else "LineString"
+        add(document, "Placemark", name=mark.name, **{kind: _shape(line, 0)})
     for drone, (flight, order) in enumerate(zip(plan.flights, plan.orders, strict=True), 1):
         folder = add(document, "Folder", name=f"drone {drone}")
         _add_flight(folder, drone, flight, order)

@@ -9,9 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
-from DroneSwarmSearch.geo.coast import Polygon
+from DroneSwarmSearch.geo.polygons import Polygon
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 from DroneSwarmSearch.incident.flights import Flight, Waypoint, track
+from DroneSwarmSearch.incident.incident import Mark
 
 Line = list[tuple[float, float]]  # (longitude, latitude), the order of GeoJSON and KML
 
@@ -44,6 +45,12 @@ def lengths(plan: FlightPlan, flight: Flight) -> Floats:
 def point_of(waypoint: Waypoint) -> tuple[float, float]:
     """A waypoint's longitude and latitude."""
     return round(waypoint.longitude, 7), round(waypoint.latitude, 7)
+
+
+def mark_in_degrees(plan: FlightPlan, mark: Mark) -> Line:
+    """The longitudes and latitudes of a mark."""
+    degrees = plan.incident.plane.degrees(mark.points)
+    return [(round(longitude, 7), round(latitude, 7)) for latitude, longitude in degrees.tolist()]
 
 
 def land_of(plan: FlightPlan) -> list[Polygon]:

@@ -42,7 +42,7 @@ def mission(plan: FlightPlan, drone: int) -> bytes:
 def _template(plan: FlightPlan, drone: int) -> ET.Element:
     """What Pilot 2 shows and edits."""
     root, document = _document()
-    milliseconds = round(plan.incident.time.timestamp() * 1000)
+    milliseconds = round(plan.incident.began.timestamp() * 1000)
     _add(document, author=AUTHOR, createTime=milliseconds, updateTime=milliseconds)
     document.append(_configuration(plan, drone))
     flight = plan.flights[drone]

@@ -178,18 +178,28 @@ function drawSearched(context, flight, at, scale) {
   context.stroke();
 }
 
-/** The last known position and the base. */
+/** What is known of where persons were, and the base. */
 function drawMarks(context, at) {
   context.strokeStyle = colour("--ink");
   context.lineWidth = 2;
-  const [x, y] = at([0, 0]);
-  context.beginPath();
-  context.arc(x, y, 6, 0, 2 * Math.PI);
-  context.moveTo(x - 10, y);
-  context.lineTo(x + 10, y);
-  context.moveTo(x, y - 10);
-  context.lineTo(x, y + 10);
-  context.stroke();
+  for (const mark of plan.marks) {
+    const pixels = mark.map(at);
+    if (pixels.length > 1) {
+      context.setLineDash([2, 4]);
+      line(context, pixels);
+      context.stroke();
+      context.setLineDash([]);
+      continue;
+    }
+    const [x, y] = pixels[0];
+    context.beginPath();
+    context.arc(x, y, 6, 0, 2 * Math.PI);
+    context.moveTo(x - 10, y);
+    context.lineTo(x + 10, y);
+    context.moveTo(x, y - 10);
+    context.lineTo(x, y + 10);
+    context.stroke();
+  }
   const [left, top] = at(plan.base);
   context.strokeRect(left - 9, top - 9, 18, 18);
 }
