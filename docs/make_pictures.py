@@ -1,6 +1,6 @@
 """Make the pictures of the README and the documentation in `docs/images`.
 
-    python docs/make_pictures.py [logo | video | gallery | plan | trained ...]
+    python docs/make_pictures.py [logo | video | gallery | benchmark | plan | trained ...]
 
 The last one needs the extra "ppo", and trains for a minute. The same versions of the code, pygame
 and Pillow give the same bytes.
@@ -21,6 +21,7 @@ import pygame
 from PIL import Image
 
 from DroneSwarmSearch import cli
+from DroneSwarmSearch.commands.searches import named_search
 from DroneSwarmSearch.evaluation import record
 from DroneSwarmSearch.rendering import sprites
 
@@ -37,6 +38,16 @@ FILMS = {
     "wreck-together": ("rollout", 0),
 }
 """The searches of the gallery: the policy and the seed of an episode that ends with a find."""
+
+TASKS = {
+    "drift": ("drift/6", "imitation"),
+    "wreck": ("wreck/1", "imitation"),
+    "radio": ("radio/1", "imitation"),
+    "fleet": ("fleet/0", "imitation"),
+}
+"""For each task of the benchmark, a search, and the policy that is shown beside greedy-matrix."""
+
+BENCHMARK_HEIGHT = 300  # pixels of a film
 
 STORY = (
     "A passenger fell from a ferry 25 minutes ago. "
@@ -62,6 +73,42 @@ def gallery() -> None:
         own = EXAMPLES / f"{name}.json"
         where = str(own) if own.exists() else name
         record(policy, where, IMAGES / f"gallery-{name}.gif", seed=seed, fps=16.0)
+
+
+def benchmark() -> None:
+    """Record a search of each task of the benchmark with a poor and with a good policy."""
+    for task, (where, good) in TASKS.items():
+        with TemporaryDirectory() as folder:
+            films = [Path(folder) / f"{policy}.gif" for policy in ("greedy-matrix", good)]
+            for film in films:
+                record(film.stem, named_search(where), film, fps=8.0)
+            beside_each_other(films, IMAGES / f"benchmark-{task}.gif")
+
+
+def beside_each_other(films: list[Path], path: Path) -> None:
+    """Join films of the same search into one; the shorter ones stay at their last picture."""
+    opened = [Image.open(film) for film in films]
+    longest = max(opened, key=lambda film: film.n_frames)
+    pictures = []
+    durations = []
+    for number in range(longest.n_frames):
+        longest.seek(number)
+        durations.append(longest.info["duration"])
+        row = []
+        for film in opened:
+            film.seek(min(number, film.n_frames - 1))
+            shown = film.convert("RGB")
+            width = round(shown.width * BENCHMARK_HEIGHT / shown.height)
+            row.append(shown.resize((width, BENCHMARK_HEIGHT), Image.Resampling.LANCZOS))
+        joined = Image.new("RGB", (sum(each.width for each in row), BENCHMARK_HEIGHT))
+        left = 0
+        for each in row:
+            joined.paste(each, (left, 0))
+            left += each.width
+        pictures.append(joined.quantize(64))
+    pictures[0].save(
+        path, save_all=True, append_images=pictures[1:], duration=durations, loop=0, optimize=True
+    )
 
 
 def plan() -> None:
@@ -117,7 +164,14 @@ def trained() -> None:
         )
 
 
-PICTURES = {"logo": logo, "video": video, "gallery": gallery, "plan": plan, "trained": trained}
+PICTURES = {
+    "logo": logo,
+    "video": video,
+    "gallery": gallery,
+    "benchmark": benchmark,
+    "plan": plan,
+    "trained": trained,
+}
 
 
 def main() -> None:

@@ -22,6 +22,7 @@ from DroneSwarmSearch._internal.progress import progress
 from DroneSwarmSearch.evaluation import SUITE, View, evaluate
 from DroneSwarmSearch.planning import SuccessBound
 from DroneSwarmSearch.policies import DEFAULT_WEIGHTS, POLICIES
+from DroneSwarmSearch.training import TASKS
 
 OWN = """
 import os
@@ -97,6 +98,17 @@ def test_the_default_command_is_play(arguments, monkeypatch):
     monkeypatch.setattr("DroneSwarmSearch.commands.play.run", seen.append)
     assert command.main(arguments) == 0
     assert [options.text for options in seen] == ["--text" in arguments]
+
+
+def test_searches_of_the_benchmark_have_names(capsys):
+    command.main(["play", "radio/499", "--policy", "random", "--text", "--fps", "50"])
+    shown = capsys.readouterr().out
+    assert TASKS["radio"].story in " ".join(shown.split())
+    assert "search          radio/499, seed 0" in shown
+    for wrong in ("radio/500", "radio/", "radio/one"):
+        with pytest.raises(SystemExit):
+            command.main(["play", wrong])
+        assert f"SEARCH must be radio/0 to radio/499, got '{wrong}'" in capsys.readouterr().err
 
 
 def test_the_list_has_all_policies_and_searches(capsys):

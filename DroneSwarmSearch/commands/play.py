@@ -47,7 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SEARCH",
         nargs="?",
         help="a search of the suite, such as classic or gale (`evaluate --list` describes them), "
-        f"or a file of a search or an incident, .json (default: {USUAL_SEARCH})",
+        "a file of a search or an incident, .json, or a search of the benchmark, such as drift/0 "
+        f"(default: {USUAL_SEARCH})",
     )
     view = parser.add_argument_group("view (a window if there is a display, otherwise text)")
     where = view.add_mutually_exclusive_group().add_argument

@@ -11,10 +11,13 @@ from DroneSwarmSearch.evaluation.suite import search
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.on_grid import search_on_grid
 from DroneSwarmSearch.persons.person import warn_of_mass_beyond
+from DroneSwarmSearch.training import TASKS
 
 
 def named_search(name: str) -> NamedSearch:
-    """A search of the suite, or from a file: of a search, or of an incident.
+    """A search of the suite, from a file of a search or an incident, or of the benchmark.
+
+    The held-out searches of the benchmark are called "drift/0" to "fleet/499".
 
     Warns if persons at sea may drift beyond the grid. Elsewhere the border is a part of the search:
     persons given by a cell and a vector stop there.
@@ -23,7 +26,7 @@ def named_search(name: str) -> NamedSearch:
         ValueError: there is no such search, or the file does not hold one.
     """
     found = _of_incident(Path(name)) if name.endswith(".json") else None
-    found = found or search(name)
+    found = found or _held_out(name) or search(name)
     scenario = found.scenario
     warn_of_mass_beyond(
         scenario.persons or (), scenario.grid_size, scenario.timestep_limit, stacklevel=2
@@ -40,6 +43,19 @@ def check_drone(drone: int | None, search: NamedSearch) -> None:
             f"--drone: in {search.name}, all drones know the same, as it has no radio_range"
         )
     checks.integer("--drone", drone, 0, search.scenario.n_drones - 1)
+
+
+def _held_out(name: str) -> NamedSearch | None:
+    """A held-out search of the benchmark, for a rescue; None for other names."""
+    task, slash, number = name.partition("/")
+    if not slash or task not in TASKS:
+        return None
+    held_out = TASKS[task].held_out()
+    if not number.isdecimal() or int(number) >= len(held_out):
+        raise ValueError(f"SEARCH must be {task}/0 to {task}/{len(held_out) - 1}, got {name!r}")
+    found = held_out[int(number)]
+    scenario = found.scenario.replace(mission="rescue")
+    return replace(found, name=name, reason=TASKS[task].story, scenario=scenario)
 
 
 def _of_incident(path: Path) -> NamedSearch | None:

@@ -58,11 +58,13 @@ class Task:
 
     Attributes:
         parameters: those of `DroneSwarmSearch`.
+        story: what it asks of a policy, in a sentence.
         sampler: draws what is new in every episode, as for `SearchBatch`; None if nothing is.
     """
 
     parameters: Mapping[str, Any]
     sampler: Sampler | None = None
+    story: str = "A search to try a trainer with."
 
     @property
     def has_several_persons(self) -> bool:
@@ -264,12 +266,17 @@ def _flown(policy: PolicyLike, search: NamedSearch, seeds: Sequence[int], view: 
 
 
 def _turning(grid_size: int, limit: int, rng: np.random.Generator) -> dict[str, Any]:
-    """Draw a person somewhere in the middle half, in a fast current that turns round and round."""
-    start = rng.uniform(0.25 * grid_size, 0.75 * grid_size, 2)
-    first = rng.uniform(0.0, 2.0 * np.pi)
-    turn = rng.choice([-1.0, 1.0]) * 2.0 * np.pi / rng.uniform(40.0, 80.0)
-    angles = first + turn * np.arange(limit)
-    current = 0.7 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    """Draw a person whom a fast current carries round a circle, four cells inside of the grid."""
+    speed = 0.7
+    period = rng.uniform(30.0, 60.0)
+    radius = speed * period / (2.0 * np.pi)
+    room = grid_size / 2.0 - radius - 4.0
+    centre = (grid_size - 1) / 2.0 + rng.uniform(-room, room, 2)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    side = rng.choice([-1.0, 1.0])
+    start = centre + radius * np.array([np.cos(angle), np.sin(angle)])
+    angles = angle + side * (np.pi / 2.0 + 2.0 * np.pi / period * np.arange(limit))
+    current = speed * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     drift = Drift(start, start_sd=3.0, vector=current, diffusion=0.05)
     return {"persons": [Person(drift, probability_of_detection=0.8)]}
 
@@ -288,7 +295,7 @@ def _wreck(grid_size: int, speed: float, adrift: int, rng: np.random.Generator) 
 
 
 def _task(
-    sampler: Sampler, grid_size: int, n_drones: int, timestep_limit: int, **more: Any
+    story: str, sampler: Sampler, grid_size: int, n_drones: int, timestep_limit: int, **more: Any
 ) -> Task:
     """A task whose parameters have the persons of some search, as many as the sampler draws."""
     parameters = {
@@ -300,14 +307,42 @@ def _task(
         **more,
         **sampler(np.random.default_rng(0)),
     }
-    return Task(parameters, sampler)
+    return Task(parameters, sampler, story)
 
 
 TASKS = {
-    "drift": _task(partial(_turning, 24, 50), 24, 3, 50),
-    "wreck": _task(partial(_wreck, 20, 0.4, 20), 20, 4, 40, shared_drift=True),
-    "radio": _task(partial(_wreck, 20, 0.4, 20), 20, 4, 40, shared_drift=True, radio_range=4),
-    "fleet": _task(partial(_wreck, 28, 0.2, 50), 28, 12, 36, shared_drift=True),
+    "drift": _task(
+        "A fast current turns: fly where the person will be.",
+        partial(_turning, 24, 50),
+        grid_size=24,
+        n_drones=3,
+        timestep_limit=50,
+    ),
+    "wreck": _task(
+        "Six persons drift alike, and nobody knows where to: one find shows where the others are.",
+        partial(_wreck, 20, 0.4, 20),
+        grid_size=20,
+        n_drones=4,
+        timestep_limit=40,
+        shared_drift=True,
+    ),
+    "radio": _task(
+        "Six persons drift alike. Drones hear of finds within four cells only.",
+        partial(_wreck, 20, 0.4, 20),
+        grid_size=20,
+        n_drones=4,
+        timestep_limit=40,
+        shared_drift=True,
+        radio_range=4,
+    ),
+    "fleet": _task(
+        "Six persons drift alike on a larger sea. Twelve drones divide the work.",
+        partial(_wreck, 28, 0.2, 50),
+        grid_size=28,
+        n_drones=12,
+        timestep_limit=36,
+        shared_drift=True,
+    ),
 }
 """The tasks by name.
 
