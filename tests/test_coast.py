@@ -23,7 +23,7 @@ from DroneSwarmSearch.incident import (
     Incident,
     Pattern,
     begun_at_sea,
-    drone_of,
+    drone_in_wind,
     locate,
     plan,
     search_on_grid,
@@ -222,7 +222,7 @@ class TestCommenceSearchPoint:
     def test_is_moved_along_its_legs_to_the_sea(self, north, start, heading, drift):
         incident = Incident(**STILL, coast=north)
         coast = Coast(incident)
-        drone = drone_of(incident, 0)
+        drone = drone_in_wind(incident, 0)
         given = self.pattern(start, heading, drift=np.array(drift))
         begun = begun_at_sea(given, drone, coast)
         flown = drone.fly(begun)
@@ -241,7 +241,7 @@ class TestCommenceSearchPoint:
     def test_a_pattern_over_land_stays(self, north):
         incident = Incident(**STILL, coast=north)
         given = self.pattern((0.0, SHORE + 9000), 0.0)
-        begun = begun_at_sea(given, drone_of(incident, 0), Coast(incident))
+        begun = begun_at_sea(given, drone_in_wind(incident, 0), Coast(incident))
         assert begun is given
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from DroneSwarmSearch.geo import Field, Origin
-from DroneSwarmSearch.incident import Incident, drone_of, simulate
+from DroneSwarmSearch.incident import Incident, drone_in_wind, simulate
 from DroneSwarmSearch.incident import plan as plan_flights
 from DroneSwarmSearch.incident.files import chart
 
@@ -189,7 +189,7 @@ def test_drones_fly_in_the_wind_of_the_file(tmp_path):
     order = ("time", "height", "lat", "lon")
     path = write(tmp_path / "weather.nc", shear, names, level=level, order=order)
     incident = Incident(**{**KNOWN, "wind": str(path)})
-    drone = drone_of(incident, 0)
+    drone = drone_in_wind(incident, 0)
     places = np.array([[0.0, 500.0], [3000.0, -3000.0]])
     blown = drone.wind(np.array([0.0, 1800.0]), places)
     degrees = incident.plane.degrees(places.T).T
@@ -204,7 +204,9 @@ def test_files_need_to_cover_the_persons_only(tmp_path):
     path = write(tmp_path / "weather.nc", shear, ("x_wind", "y_wind"), points=61)
     ocean = write(tmp_path / "ocean.nc", shear)
     known = {**KNOWN, "time": "2026-03-01T07:00Z", "start": "2026-03-01T07:55Z", "swath": 500}
-    incident = Incident(**{**known, "wind": path, "speed": 60, "position_error": 3000}, current=ocean)
+    incident = Incident(
+        **{**known, "wind": path, "speed": 60, "position_error": 3000}, current=ocean
+    )
     plan = plan_flights(incident)
     assert plan.probability_of_success > 0
     chart.draw(plan, [0])

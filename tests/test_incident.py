@@ -41,7 +41,7 @@ from DroneSwarmSearch.incident import (
     Pattern,
     Waypoint,
     after,
-    drone_of,
+    drone_in_wind,
     locate,
     search_on_grid,
     simulate,
@@ -229,7 +229,7 @@ def test_every_leg_can_be_flown_in_the_wind_and_the_drone_returns(
     }
     values["base"] = (54.21, 7.84)
     incident = Incident(**{**KNOWN, **values, "wind": later if veers else wind})
-    drone = drone_of(incident, 2)
+    drone = drone_in_wind(incident, 2)
     flight = drone.fly(pattern)
     if flight is None:
         return
@@ -347,11 +347,11 @@ def test_plans_beat_a_rectangle_around_the_middle(plan):
     )
     missed = np.ones(len(plan.particles.weights))
     for number in range(2):
-        flown = drone_of(incident, number).fly(replace(usual, drift=np.zeros(2), side=1))
+        flown = drone_in_wind(incident, number).fly(replace(usual, drift=np.zeros(2), side=1))
         assert flown is not None
         flown[:, 0] += incident.seconds(incident.start)
         legs = np.stack([flown[1:-1], flown[2:]], axis=1)
-        missed *= plan.particles.missed(legs, incident.swath, 0.8)
+        missed *= plan.particles.missed(legs, incident.craft[number])
     assert plan.probability_of_success > 1 - missed.mean() + 0.05
 
 
@@ -460,8 +460,9 @@ def test_adjacent_boxes_share_a_rectangle(plan):
         assert ends[1][0] - ends[0][1] == pytest.approx(first.spacing)
         sides = [((each @ other).min(), (each @ other).max()) for each in corners]
         assert sides[0] == pytest.approx(sides[1])
-        for free, pattern in zip(area.as_free(boxes), (first, second), strict=True):
-            same = area.pattern(free)
+        frees = area.as_free(boxes)
+        for number, (free, pattern) in enumerate(zip(frees, (first, second), strict=True)):
+            same = area.pattern(number, free)
             assert same.points(9) == pytest.approx(pattern.points(9), abs=1e-6)
 
 
@@ -543,7 +544,7 @@ def test_tracks_take_the_place_of_class_and_current(tmp_path):
     with warnings.catch_warnings():  # a position that is not near all tracks is no mistake
         warnings.simplefilter("error")
         simulate(replace(incident, position=(10.02, 179.99)), 100, 0)
-    windy = drone_of(replace(incident, wind="90 8m/s"), 0).wind(np.zeros(1), np.zeros((2, 1)))
+    windy = drone_in_wind(replace(incident, wind="90 8m/s"), 0).wind(np.zeros(1), np.zeros((2, 1)))
     assert windy.ravel() == pytest.approx([-8 * 10**0.11, 0]), "on the drone only"
     with pytest.raises(ValueError, match="object_class cannot be given together with tracks"):
         Incident(tracks=path, object_class="PIW-1")

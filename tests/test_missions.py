@@ -13,7 +13,7 @@ import shapely
 from lxml import etree
 from pymavlink import mavwp
 
-from DroneSwarmSearch.incident import FlightPlan, Incident, Waypoint, drone_of, write
+from DroneSwarmSearch.incident import FlightPlan, Incident, Waypoint, drone_in_wind, write
 from DroneSwarmSearch.incident import plan as plan_flights
 
 pytest.importorskip("cmaes")
@@ -112,7 +112,7 @@ def test_a_plane_takes_off_steeply_and_lands_into_the_wind(tmp_path):
         assert [item.command for item in (landing, loiter, land)] == [LANDING, LOITER, LAND]
         assert away(land.x, land.y, flight[-1]) < 1e-6 and land.z == 0
         metres = plan.incident.plane.metres(loiter.x, loiter.y)
-        flying = drone_of(plan.incident, drone)
+        flying = drone_in_wind(plan.incident, drone)
         wind = flying.wind(np.zeros(1), np.zeros((2, 1)))[:, 0]
         way_in = flying.base - metres
         assert way_in @ wind < 0, "against the wind"
@@ -245,5 +245,8 @@ def test_dji_flies_waylines_within_its_limits(tmp_path):
 
 
 def test_an_unknown_aircraft_is_refused():
-    with pytest.raises(ValueError, match=r"aircraft must be one of 'copter', 'plane', 'dji', got"):
+    with pytest.raises(
+        ValueError,
+        match=r"aircraft must be one of 'copter', 'plane', 'dji', 'helicopter', 'boat', got",
+    ):
         planned("balloon", "north sea")

@@ -58,12 +58,15 @@ def refused(capsys: Any, options: str, *more: str) -> str:
 REFUSED = {
     "position twice": (f"{HERE} --position 54.3 7.9", "--position: must be given once, got 54.2 7"),
     "time twice": (f"{HERE} --time 2026-03-01T06:30Z", "--time: must be given once"),
-    "object twice": (f"{HERE} --object PIW-2", "--object: must be given once, got PIW-1 and PIW-2"),
+    "object twice": (f"{HERE} --object PIW-2", "--object must be CLASS:WEIGHT, such as PIW-1:0.3"),
     "base twice": (f"{HERE} --base 54.2 7.8 --base 54.2 7.9", "--base: must be given once"),
     "speed twice": (f"{HERE} --speed 20m/s --speed 30m/s", "--speed: must be given once"),
     "endurance twice": (f"{HERE} --endurance 30min", "--endurance: must be given once, got 20min"),
     "drones twice": (f"{HERE} --drones 2 --drones 3", "--drones: must be given once, got 2 and 3"),
-    "swath twice": (f"{HERE} --swath 200 m --swath 60 m", "--swath: must be given once, got 200 m"),
+    "swath twice": (
+        f"{HERE} --swath 200 m --swath 60 m",
+        "--swath must be given once, or as CLASS",
+    ),
     "out twice": (f"{HERE} --out a", "--out: must be given once"),
     "an abbreviation": (f"{HERE} --endur 30min", "--endurance: must be given once"),
     "after an incident": ("--after a --incident b", "--after cannot be given together with --inci"),
@@ -122,8 +125,8 @@ REFUSED = {
         f"--time 2026-03-01T05:30Z --object PIW-1 --endurance 100h {PLACE} --wind 300 10kn",
         "--endurance must be above 0 and at most 12 h, got '100h'",
     ),
-    "a thin strip": (f"{HERE} --swath 0.000001m", "--swath must be from 1 m to 10 km, got '0.0"),
-    "a wide strip": (f"{HERE} --swath 11km", "--swath must be from 1 m to 10 km, got '11km'"),
+    "a thin strip": (f"{HERE} --swath 0.000001m", "--swath must be from 1 m to 60 km, got '0.0"),
+    "a wide strip": (f"{HERE} --swath 61km", "--swath must be from 1 m to 60 km, got '61km'"),
     "a fast drone": (
         f"{HERE} --speed 1000000m/s",
         "--speed must be above 0 and at most 200 m/s",
@@ -440,6 +443,12 @@ def test_a_folder_holds_one_plan(plan, small, tmp_path):
     assert Incident.read(folder / "incident.json") == small.incident
 
 
+def only_one(plan):
+    """The plan for the first drone alone."""
+    incident = plan.incident.changed(drones=1)
+    return replace(plan, incident=incident, flights=plan.flights[:1], patterns=plan.patterns[:1])
+
+
 @pytest.mark.usefixtures("quick_maps")
 def test_many_drones_then_one(plan, tmp_path):
     crowd = replace(
@@ -450,7 +459,7 @@ def test_many_drones_then_one(plan, tmp_path):
     )
     write(crowd, tmp_path)
     assert names(tmp_path) >= {"drone9.plan", "map2.png", "map2.svg"}
-    one = replace(plan, flights=plan.flights[:1], patterns=plan.patterns[:1])
+    one = only_one(plan)
     write(one, tmp_path)
     missions = {"drone1.plan", "drone1.waypoints"}
     assert {name for name in names(tmp_path) if name.startswith("drone")} == missions
@@ -463,7 +472,7 @@ def test_changed_files_of_an_earlier_plan_stay(plan, tmp_path):
     write(plan, tmp_path)
     (tmp_path / "drone3.plan").write_text("edited")
     (tmp_path / "plan.csv").write_text("what was flown")
-    one = replace(plan, flights=plan.flights[:1], patterns=plan.patterns[:1])
+    one = only_one(plan)
     assert write(one, tmp_path) == ["drone3.plan"]
     assert (tmp_path / "drone3.plan").read_text() == "edited"
     assert "drone2.plan" not in names(tmp_path)

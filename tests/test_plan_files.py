@@ -164,8 +164,9 @@ def test_geojson_has_lines_and_waypoints(plan, folder):
 
 def test_csv_comes_back(plan, folder):
     flights = read_flights(folder / "plan.csv")
-    for (_, flight), written in zip(flights, plan.flights, strict=True):
-        for waypoint, other in zip(flight, written, strict=True):
+    assert [flight.drone for flight in flights] == [1, 2, 3]
+    for flight, written in zip(flights, plan.flights, strict=True):
+        for waypoint, other in zip(flight.waypoints, written, strict=True):
             assert away((waypoint.longitude, waypoint.latitude), other) < 1e-7
             assert abs(waypoint.time - other.time) < MILLISECOND
             assert waypoint.time.tzinfo is timezone.utc
@@ -208,7 +209,7 @@ def test_flights_really_flown_need_few_columns(tmp_path):
             Waypoint(start + timedelta(seconds=10.5), 54.19, 7.85, 0.0, True),
         ],
     ]
-    assert read_flights(path) == [*zip(lines, flights, strict=True)]
+    assert read_flights(path) == [*zip(lines, flights, (1, 4), strict=True)]
 
 
 GOOD = "drone,time_utc,latitude_deg,longitude_deg,searching\n0,2026-03-01T06:30Z,54.18,7.85,TRUE\n"

@@ -10,6 +10,11 @@ def plural(count: int, noun: str, ending: str = "s") -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}{ending}"
 
 
+def capitalised(text: str) -> str:
+    """A text whose first letter is large, and the others as they are."""
+    return text[:1].upper() + text[1:]
+
+
 def without_formulas(text: str) -> str:
     """A text in which Matplotlib reads no formula."""
     return text.replace("$", r"\$")

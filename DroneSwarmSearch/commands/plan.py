@@ -85,11 +85,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("the drones")
     add("--start", "take-off (an hour after --time; with --after, half an hour after landing)")
     add("--drones", "how many (3)", type=int, metavar="N")
+    about = "in place of their number, a CSV file with a row for each drone, helicopter and boat"
+    add("--fleet", about, metavar="FILE")
+    add("--visibility", "at sea: what helicopters and boats see depends on it (10NM)", **words)
     add("--speed", "airspeed (20m/s)", **words)
     add("--turn", "time for a turn by a right angle (4s)", **words)
-    add("--swath", "width of the strip that a drone sees (200m)", **words)
-    about = "probability that it finds a person in the strip (0.8)"
-    add("--detection", about, "probability_of_detection", type=float, metavar="P")
+    about = (
+        "width of the strip that a drone sees (200m); or PIW-1:100m, and again for other classes"
+    )
+    add("--swath", about, nargs="+", action="append", metavar="WIDTH")
+    about = "probability that it finds a person in the strip (0.8), or PIW-1:0.6 and so on"
+    add("--detection", about, "probability_of_detection", metavar="P", action="append")
     add("--endurance", "from take-off to landing (45min)", **words)
     add("--reserve", "what must be left of the endurance (a fifth of it)", **words)
     add("--base", "where they take off and land (the last known position)", **position)
@@ -171,6 +177,10 @@ def _incident(options: argparse.Namespace) -> Incident:
             values[name] = file
         elif texts:
             values[name] = texts[0] if len(texts) == 1 else texts
+    for name in ("swath", "probability_of_detection"):
+        given_often: Any = values[name]
+        if given_often is not None:
+            values[name] = _by_class(name, given_often)
     if values["object_class"] is not None:
         values["object_class"] = _object_classes(values["object_class"])
     given = {name: value for name, value in values.items() if value is not None}
@@ -191,6 +201,17 @@ def _check_places(options: argparse.Namespace) -> None:
         raise ValueError(
             f"one of --position, --line and --area may be given, got {' and '.join(given)}"
         )
+
+
+def _by_class(name: str, given: list[Any]) -> str:
+    """A value, or one for each object class, from all times that an option was given."""
+    texts = [each if isinstance(each, str) else " ".join(each) for each in given]
+    if len(texts) > 1 and not all(":" in text for text in texts):
+        raise ValueError(
+            f"{name} must be given once, or as CLASS:VALUE for each object class, got "
+            f"{' and '.join(texts)}"
+        )
+    return "; ".join(texts)
 
 
 def _object_classes(texts: list[str]) -> str | list[tuple[str, float]]:

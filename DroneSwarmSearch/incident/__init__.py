@@ -19,8 +19,9 @@ On the command line, ``droneswarmsearch plan`` does the same.
 """
 
 from DroneSwarmSearch.incident.coast import Coast
-from DroneSwarmSearch.incident.drone import Drone, drone_of
+from DroneSwarmSearch.incident.drone import DroneInWind, drone_in_wind
 from DroneSwarmSearch.incident.files import write
+from DroneSwarmSearch.incident.fleet import Drone
 from DroneSwarmSearch.incident.flight_plan import Alternative, FlightPlan
 from DroneSwarmSearch.incident.flights import FlownFlight, Waypoint, read_flights
 from DroneSwarmSearch.incident.hypothesis import Hypothesis
@@ -39,6 +40,7 @@ __all__ = [
     "Alternative",
     "Coast",
     "Drone",
+    "DroneInWind",
     "FlightPlan",
     "FlownFlight",
     "Hypothesis",
@@ -49,7 +51,7 @@ __all__ = [
     "after",
     "alternatives",
     "begun_at_sea",
-    "drone_of",
+    "drone_in_wind",
     "locate",
     "plan",
     "read_flights",

@@ -16,7 +16,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.extras import needed
-from DroneSwarmSearch.incident.drone import SLOWEST, Drone
+from DroneSwarmSearch.incident.drone import SLOWEST
 from DroneSwarmSearch.incident.families import Area, Boxes, FreePattern, FreePatterns
 from DroneSwarmSearch.incident.patterns import KINDS
 
@@ -106,6 +106,7 @@ def first_boxes(area: Area, effort: Effort) -> Boxes:
             moving=bool(rng.integers(2)),
             side=int(rng.choice([-1, 1])),
             parameters=rng.normal(size=6) * SPREAD_OF_BOXES,
+            order=() if area.is_uniform else tuple(rng.permutation(len(area.drones)).tolist()),
         )
         tried = _Tried(area.left(boxes), boxes)
         if tried.left < 1.0:
@@ -150,18 +151,17 @@ def free_patterns(
     chosen: list[FreePattern | None] = [*near[: len(drones)]]
     chosen += [None] * (len(drones) - len(chosen))
     missed = [
-        None if free is None else area.missed(drone, area.pattern(free))
-        for drone, free in zip(drones, chosen, strict=True)
+        None if free is None else area.missed_by(number, free) for number, free in enumerate(chosen)
     ]
-    for number, drone in enumerate(drones):
+    for number in range(len(drones)):
         if effort.deadline.is_over:
             break
         others = [missed[n] for n in range(len(drones)) if n != number]
         by_others = np.prod([own for own in others if own is not None], axis=0)
         known = None if missed[number] is None else chosen[number]
-        best = _best_pattern(area, drone, by_others, known, effort, rng)
+        best = _best_pattern(area, number, by_others, known, effort, rng)
         chosen[number] = best
-        missed[number] = area.missed(drone, area.pattern(best))
+        missed[number] = area.missed_by(number, best)
     if any(free is None for free in chosen):
         return None
     return tuple(free for free in chosen if free is not None)
@@ -169,7 +169,7 @@ def free_patterns(
 
 def _best_pattern(
     area: Area,
-    drone: Drone,
+    number: int,
     missed_by_others: Floats,
     known: FreePattern | None,
     effort: Effort,
@@ -179,11 +179,11 @@ def _best_pattern(
     weights = area.particles.weights * missed_by_others
 
     def left(free: FreePattern) -> float:
-        missed = area.missed(drone, area.pattern(free))
+        missed = area.missed_by(number, free)
         return 1.0 if missed is None else float(weights @ missed)
 
     step = FIRST if known is None else LATER
-    starts = _drawn(area, drone, rng) if known is None else [known]
+    starts = _drawn(area, number, rng) if known is None else [known]
     tried = sorted((_Tried(left(free), free) for free in starts), key=_left)
     improved = [
         _improved(start, left, step, effort, int(rng.integers(2**31))) for start in tried[:STARTS]
@@ -191,7 +191,7 @@ def _best_pattern(
     return min(improved, key=_left).shape
 
 
-def _drawn(area: Area, drone: Drone, rng: np.random.Generator) -> list[FreePattern]:
+def _drawn(area: Area, number: int, rng: np.random.Generator) -> list[FreePattern]:
     """Random patterns that the drone can fly.
 
     Raises:
@@ -205,7 +205,7 @@ def _drawn(area: Area, drone: Drone, rng: np.random.Generator) -> list[FreePatte
             side=int(rng.choice([-1, 1])),
             parameters=rng.normal(size=6) * SPREAD,
         )
-        if area.missed(drone, area.pattern(free)) is not None:
+        if area.missed_by(number, free) is not None:
             drawn.append(free)
             if len(drawn) == DRAWN:
                 break

@@ -1,13 +1,15 @@
-"""Drones: how they climb, fly along a pattern in the wind, and come back in time."""
+"""Drones in the wind: how they climb, fly along a pattern, and come back in time."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import timedelta
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.geo.flows import Flow
+from DroneSwarmSearch.incident.fleet import Drone, base_at
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.patterns import Pattern
 
@@ -24,30 +26,41 @@ PARTS = 256  # of a leg, at the end of one of which the way home may begin
 
 
 @dataclass(frozen=True, eq=False)
-class Drone:
-    """What a drone can do; see `Incident`. Its times are in seconds after take-off.
+class DroneInWind:
+    """A drone in the wind of an incident, or a boat in its current.
+
+    Times are seconds after take-off.
 
     Attributes:
-        airspeed: in m/s.
+        craft: what it can do.
+        airspeed: in m/s; of a boat, through the water.
         turn: seconds for a turn by a right angle.
         endurance: seconds from take-off to landing, less the reserve.
-        base: where it takes off and lands, (east, north) in metres.
+        base: where it takes off, (east, north) in metres.
+        base_velocity: with which its base moves, (east, north) in m/s.
         height: at which it flies above the sea, in metres.
         climb: with which it climbs there and sinks to land, in m/s.
         fastest: over the ground, in m/s.
-        flow: the wind at 10 m.
+        flow: the wind at 10 m, or the current.
         take_off: in the seconds of the flow.
     """
 
+    craft: Drone
     airspeed: float
     turn: float
     endurance: float
     base: Floats
+    base_velocity: Floats
     height: float
     climb: float
     fastest: float
     flow: Flow
     take_off: float
+
+    def base_at(self, times: Floats) -> Floats:
+        """Where its base is at some times, (east, north) in metres: (2, n)."""
+        bases: Floats = self.base[:, None] + self.base_velocity[:, None] * times
+        return bases
 
     @property
     def climbing(self) -> float:
@@ -56,7 +69,9 @@ class Drone:
 
     @property
     def wind_factor(self) -> float:
-        """The wind at its height, divided by that at 10 m."""
+        """The wind at its height, divided by that at 10 m; 1 for a boat in a current."""
+        if self.craft.is_boat:
+            return 1.0
         return float((max(self.height, 1.0) / 10.0) ** WIND_EXPONENT)
 
     def wind(self, times: Floats, points: Floats) -> Floats:
@@ -127,13 +142,13 @@ class Drone:
 
         They are infinite where the drone makes no headway.
         """
-        way = self.base[:, None] - points
-        length = np.hypot(*way)
-        back = np.where(length > 0, way / np.maximum(length, 1e-9), unit)
-        waits = self.turning(unit, back) + self.climbing
-        seconds = waits
-        for _ in range(8):  # the wind half-way
+        seconds = np.full(points.shape[1], self.climbing)
+        for _ in range(8):  # the wind half-way, and where the base is then
             before = seconds
+            way = self.base_at(times + before) - points
+            length = np.hypot(*way)
+            back = np.where(length > 0, way / np.maximum(length, 1e-9), unit)
+            waits = self.turning(unit, back) + self.climbing
             wind = self.wind(times + before / 2, points + way / 2)
             seconds = np.fmin(waits + length / self.ground_speed(wind, back), 2 * self.endurance)
             settled = np.abs(seconds - before) < SETTLED
@@ -166,7 +181,7 @@ class Drone:
                 points = np.column_stack([points, part.point])
                 home = part.home
         times = np.append(times, times[-1] + home)
-        points = np.column_stack([points, self.base])
+        points = np.column_stack([points, self.base_at(times[-1:])])
         return np.vstack([times, points]).T
 
     def _whole(self, pattern: Pattern) -> _Whole:
@@ -245,16 +260,21 @@ class _Part:
     home: float
 
 
-def drone_of(incident: Incident, number: int) -> Drone:
-    """A drone of an incident; each flies at a height of its own."""
-    return Drone(
-        airspeed=incident.speed,
-        turn=incident.turn,
-        endurance=incident.endurance - incident.reserve,
-        base=incident.plane.metres(*incident.base),
-        height=incident.heights[number],
-        climb=incident.climb,
-        fastest=incident.fastest_over_ground,
-        flow=incident.wind,
-        take_off=incident.seconds(incident.start),
+def drone_in_wind(incident: Incident, number: int) -> DroneInWind:
+    """A drone of an incident, counted from 0."""
+    craft = incident.craft[number]
+    base = incident.plane.metres(*base_at(craft, craft.take_off))
+    later = incident.plane.metres(*base_at(craft, craft.take_off + timedelta(hours=1)))
+    return DroneInWind(
+        craft=craft,
+        airspeed=craft.speed,
+        turn=craft.turn,
+        endurance=craft.airborne,
+        base=base,
+        base_velocity=(later - base) / 3600,
+        height=craft.altitude,
+        climb=craft.climb,
+        fastest=craft.fastest_over_ground,
+        flow=incident.current if craft.is_boat else incident.wind,
+        take_off=incident.seconds(craft.take_off),
     )

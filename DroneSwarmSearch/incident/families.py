@@ -7,15 +7,16 @@ Both are described by a few real numbers, of which small steps change the patter
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch.incident.coast import Coast
-from DroneSwarmSearch.incident.drone import Drone, drone_of
+from DroneSwarmSearch.incident.drone import DroneInWind, drone_in_wind
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.manual import Worksheet
 from DroneSwarmSearch.incident.particles import Particles
@@ -66,12 +67,14 @@ class Boxes(NamedTuple):
         parameters: the centre (x, y) of the rectangle, the heading of the first legs, and the
             logarithms of the rectangle's length, along the legs, of its width, and of the spacing,
             relative to what is usual: float64, (6,).
+        order: of the drones in the boxes; empty for that of their numbers.
     """
 
     abreast: bool
     moving: bool
     side: int
     parameters: Floats
+    order: tuple[int, ...] = ()
 
 
 Shape = Boxes | FreePatterns | Worksheet
@@ -88,7 +91,7 @@ class Rectangle:
         side: 1 if drones creep to starboard of the first leg, -1 if to port.
         length: along the legs.
         width: across them.
-        spacing: between them.
+        spacings: between those of each drone: float64, (n,).
         drift: of all points, (east, north) in m/s.
     """
 
@@ -97,7 +100,7 @@ class Rectangle:
     side: int
     length: float
     width: float
-    spacing: float
+    spacings: Floats
     drift: Floats
 
     @property
@@ -111,12 +114,6 @@ class Rectangle:
         right = np.array([np.cos(self.heading), -np.sin(self.heading)])
         return right * self.side
 
-    def corner(self, tracks: int) -> Floats:
-        """Where the first of so many tracks begins, which lie around the centre."""
-        begin = self.centre - self.along * self.length / 2
-        corner: Floats = begin - self.aside * (tracks - 1) * self.spacing / 2
-        return corner
-
 
 class _Box(NamedTuple):
     """The part of a rectangle that one drone searches, with legs along it."""
@@ -126,28 +123,33 @@ class _Box(NamedTuple):
     legs: int
 
 
-def _beside_each_other(rectangle: Rectangle, shares: Floats) -> list[_Box]:
+def _beside_each_other(rectangle: Rectangle, shares: Floats, spacings: Floats) -> list[_Box]:
     """Boxes across the legs, of whole tracks, at least one in each."""
-    tracks = max(round(rectangle.width / rectangle.spacing), len(shares))
-    edges = np.append(0.0, shares.cumsum()) * tracks
-    legs = np.maximum(np.diff(np.rint(edges)).astype(np.int64), 1)
-    first = np.append(0, legs.cumsum())
-    corner = rectangle.corner(int(first[-1]))
+    usual = spacings.mean()
+    width = max(round(rectangle.width / usual), len(shares)) * usual
+    edges = np.append(0.0, shares.cumsum()) * width
+    last = np.rint(edges[1:] / spacings)
+    legs = np.maximum(last - np.rint(edges[:-1] / spacings), 1).astype(np.int64)
+    begins = np.append(0.0, (legs * spacings).cumsum())
+    corner = rectangle.centre - rectangle.along * rectangle.length / 2
+    corner = corner - rectangle.aside * begins[-1] / 2
+    firsts = begins[:-1] + spacings / 2
     return [
-        _Box(corner + rectangle.aside * track * rectangle.spacing, rectangle.length, count)
-        for track, count in zip(first[:-1].tolist(), legs.tolist(), strict=True)
+        _Box(corner + rectangle.aside * first, rectangle.length, count)
+        for first, count in zip(firsts.tolist(), legs.tolist(), strict=True)
     ]
 
 
-def _end_to_end(rectangle: Rectangle, shares: Floats) -> list[_Box]:
+def _end_to_end(rectangle: Rectangle, shares: Floats, spacings: Floats) -> list[_Box]:
     """Boxes along the legs, which end half a spacing inside of them."""
-    tracks = max(round(rectangle.width / rectangle.spacing), 1)
     edges = np.append(0.0, shares.cumsum()) * rectangle.length
-    corner = rectangle.corner(tracks)
+    side = rectangle.centre - rectangle.along * rectangle.length / 2
     boxes = []
-    for begin, end in pairwise(edges.tolist()):
-        start = corner + rectangle.along * (begin + rectangle.spacing / 2)
-        length = max(end - begin - rectangle.spacing, rectangle.spacing)
+    for (begin, end), spacing in zip(pairwise(edges.tolist()), spacings.tolist(), strict=True):
+        tracks = max(round(rectangle.width / spacing), 1)
+        corner = side - rectangle.aside * (tracks - 1) * spacing / 2
+        start = corner + rectangle.along * (begin + spacing / 2)
+        length = max(end - begin - spacing, spacing)
         boxes.append(_Box(start, length, tracks))
     return boxes
 
@@ -163,99 +165,127 @@ class Area:
     def __init__(self, incident: Incident, particles: Particles) -> None:
         self.incident = incident
         self.particles = particles
-        self.drones = [drone_of(incident, number) for number in range(incident.drones)]
+        self.drones = [drone_in_wind(incident, number) for number in range(len(incident.craft))]
         self.coast = Coast(incident)
         self._start = incident.seconds(incident.start)
-        half = self.drones[0].endurance / 2
+        half = incident.airborne / 2
         weights = particles.weights
         self._away = particles.mean(self._start + 2 * half) - particles.mean(self._start)
         positions = particles.at(self._start + half)
         self.middle = weights @ positions
         off = positions - self.middle
         self._root = np.linalg.cholesky((weights * off.T) @ off + np.eye(2))
-        self._size = np.sqrt(incident.swath * incident.speed * SEARCHED_TWICE * half)
+        self.swaths = np.array([particles.usual_of(drone.craft.swath) for drone in self.drones])
+        speeds = np.array([drone.airspeed for drone in self.drones])
+        airborne = np.array([drone.endurance for drone in self.drones])
+        self._sizes = np.sqrt(self.swaths * speeds * SEARCHED_TWICE * airborne / 2)
+        self._sweeping = self.swaths * speeds
 
     # Patterns.
 
-    def _rectangle(self, shape: FreePattern | Boxes, size: float) -> Rectangle:
-        """What the parameters of a shape mean, if `size` is the usual side of its rectangle."""
+    def _rectangle(self, shape: FreePattern | Boxes, size: float, swaths: Floats) -> Rectangle:
+        """What the parameters of a shape mean.
+
+        Args:
+            shape: of one drone, or of all.
+            size: the usual side of its rectangle.
+            swaths: of the drones that search it.
+        """
         x, y, heading, length, width, spacing = shape.parameters
         heading = heading * np.pi / 2 % (2 * np.pi)
-        swath = self.incident.swath
         return Rectangle(
             centre=self.middle + self._root @ [x, y] - self._away / 2 * shape.moving,
             heading=float(heading),
             side=shape.side,
-            length=max(float(size * np.exp(np.clip(length / 2, -3.0, 2.0))), swath),
+            length=max(float(size * np.exp(np.clip(length / 2, -3.0, 2.0))), swaths.mean()),
             width=float(size * np.exp(np.clip(width / 2, -3.0, 2.0))),
-            spacing=float(swath * np.exp(np.clip(0.2 * spacing, -1.0, 1.0))),
-            drift=self._away / self.drones[0].endurance * shape.moving,
+            spacings=swaths * np.exp(np.clip(0.2 * spacing, -1.0, 1.0)),
+            drift=self._away / self.incident.airborne * shape.moving,
         )
 
-    def pattern(self, free: FreePattern) -> Pattern:
+    def pattern(self, number: int, free: FreePattern) -> Pattern:
         """The pattern of one drone."""
-        frame = self._rectangle(free, self._size)
+        frame = self._rectangle(free, self._sizes[number], self.swaths[[number]])
+        (spacing,) = frame.spacings.tolist()
         legs = 1
         start = frame.centre
         if free.kind == PARALLEL:
-            legs = max(round(frame.width / frame.spacing), 1)
-            start = frame.corner(legs)
-        return Pattern(
+            legs = max(round(frame.width / spacing), 1)
+            begin = frame.centre - frame.along * frame.length / 2
+            start = begin - frame.aside * (legs - 1) * spacing / 2
+        pattern = Pattern(
             kind=free.kind,
             start=start,
             heading=frame.heading,
             length=frame.length,
-            spacing=frame.spacing,
+            spacing=spacing,
             legs=legs,
             side=free.side,
             drift=frame.drift,
         )
+        return self._at_take_off(number, pattern)
+
+    def _at_take_off(self, number: int, pattern: Pattern, *, reverse: bool = False) -> Pattern:
+        """A pattern of the first take-off where it is at that of a drone; or the reverse."""
+        later = self.drones[number].take_off - self._start
+        if reverse:
+            later = -later
+        return replace(pattern, start=pattern.start + pattern.drift * later)
 
     def boxes(self, boxes: Boxes) -> list[Pattern]:
         """The pattern of each drone in its box."""
-        rectangle = self._rectangle(boxes, self._size * np.sqrt(len(self.drones)))
-        return self.divided(rectangle, boxes.abreast)
+        size = float(np.sqrt((self._sizes**2).sum()))
+        rectangle = self._rectangle(boxes, size, self.swaths)
+        return self.divided(rectangle, boxes.abreast, boxes.order)
 
-    def divided(self, rectangle: Rectangle, abreast: bool) -> list[Pattern]:
+    def divided(
+        self, rectangle: Rectangle, abreast: bool, order: Sequence[int] = ()
+    ) -> list[Pattern]:
         """The pattern of each drone in its box of a rectangle.
 
-        Boxes are as large as the time that their drones have there. Legs end half a spacing inside
-        of them, so that the strips of neighbours adjoin.
+        Boxes are as large as what their drones can sweep there. Legs end half a spacing inside of
+        them, so that the strips of neighbours adjoin.
 
         Args:
             rectangle: to divide.
             abreast: see `Boxes`.
+            order: of the drones, see `Boxes`.
         """
         layout = _beside_each_other if abreast else _end_to_end
-        return [
-            Pattern(
+        numbers = np.array(order or range(len(self.drones)))
+        spacings = rectangle.spacings[numbers]
+        shares = self._shares_of(rectangle, abreast, numbers)
+        patterns = {}
+        for number, spacing, box in zip(
+            numbers.tolist(), spacings.tolist(), layout(rectangle, shares, spacings), strict=True
+        ):
+            pattern = Pattern(
                 kind=PARALLEL,
                 start=box.start,
                 heading=rectangle.heading,
                 length=box.length,
-                spacing=rectangle.spacing,
+                spacing=spacing,
                 legs=box.legs,
                 side=rectangle.side,
                 drift=rectangle.drift,
             )
-            for box in layout(rectangle, self._shares_of(rectangle, abreast))
-        ]
+            patterns[number] = self._at_take_off(number, pattern)
+        return [patterns[number] for number in range(len(self.drones))]
 
-    def _shares_of(self, rectangle: Rectangle, abreast: bool) -> Floats:
-        """The share of each drone in a rectangle, by the time that it has in an equal part."""
-        n = len(self.drones)
+    def _shares_of(self, rectangle: Rectangle, abreast: bool, order: Ints) -> Floats:
+        """The shares of drones in a rectangle, by what each can sweep in an equal part of it."""
+        n = len(order)
         across = rectangle.aside * rectangle.width
         way = across if abreast else rectangle.along * rectangle.length
-        middles = (np.arange(n)[:, None] + 0.5) / n - 0.5
-        return self._shares(rectangle.centre + middles * way)
-
-    def _shares(self, middles: Floats) -> Floats:
-        """Shares of the drones by the time that each has at its point, (n, 2); they sum to 1."""
-        pairs = zip(self.drones, middles, strict=True)
-        times = [drone.time_around(middle) for drone, middle in pairs]
+        parts = (np.arange(n)[:, None] + 0.5) / n - 0.5
+        middles = rectangle.centre + parts * way
+        times = [
+            self.drones[number].time_around(middle)
+            for number, middle in zip(order, middles, strict=True)
+        ]
         least = LEAST_SHARE * max(max(times), 1.0)
-        long = np.maximum(times, least)
-        shares: Floats = long / long.sum()
+        swept = np.maximum(times, least) * self._sweeping[order] / self._sweeping.mean()
+        shares: Floats = swept / swept.sum()
         return shares
 
     def patterns(self, shape: Shape) -> list[Pattern]:
@@ -264,7 +294,7 @@ class Area:
             return self.boxes(shape)
         if isinstance(shape, Worksheet):
             return self.manual(shape)
-        return [self.pattern(free) for free in shape]
+        return [self.pattern(number, free) for number, free in enumerate(shape)]
 
     def manual(self, sheet: Worksheet) -> list[Pattern]:
         """The rectangle of the manual's worksheets, divided into boxes.
@@ -282,7 +312,7 @@ class Area:
                     side=side,
                     length=length,
                     width=width,
-                    spacing=sheet.spacing,
+                    spacings=sheet.spacing * self.swaths / self.swaths.mean(),
                     drift=np.zeros(2),
                 )
                 choices.append(self.divided(rectangle, abreast=True))
@@ -292,7 +322,8 @@ class Area:
     def as_free(self, boxes: Boxes) -> FreePatterns:
         """The same patterns, each on its own."""
         free = []
-        for pattern in self.boxes(boxes):
+        for number, pattern in enumerate(self.boxes(boxes)):
+            pattern = self._at_take_off(number, pattern, reverse=True)
             width = pattern.legs * pattern.spacing
             along = np.array([np.sin(pattern.heading), np.cos(pattern.heading)])
             aside = along[::-1] * [1, -1] * pattern.side
@@ -300,15 +331,15 @@ class Area:
             centre = pattern.start + to_centre / 2
             x, y = np.linalg.solve(self._root, centre - self.middle + self._away / 2 * boxes.moving)
             heading = pattern.heading / (np.pi / 2)
-            length = 2 * np.log(pattern.length / self._size)
-            across = 2 * np.log(width / self._size)
+            length = 2 * np.log(pattern.length / self._sizes[number])
+            across = 2 * np.log(width / self._sizes[number])
             parameters = np.array([x, y, heading, length, across, boxes.parameters[5]])
             free.append(FreePattern(PARALLEL, boxes.moving, boxes.side, parameters))
         return tuple(free)
 
     # What they find.
 
-    def missed(self, drone: Drone, pattern: Pattern) -> Floats | None:
+    def missed(self, drone: DroneInWind, pattern: Pattern) -> Floats | None:
         """The probability that a drone misses each particle.
 
         None if it cannot fly the pattern, or if all of that is over land.
@@ -318,10 +349,19 @@ class Area:
         flight = drone.fly(pattern)
         if flight is None:
             return None
-        flight[:, 0] += self._start
+        flight[:, 0] += drone.take_off
         legs = np.stack([flight[1:-1], flight[2:]], axis=1)  # all but the way there
-        known = self.incident
-        return self.particles.missed(legs, known.swath, known.probability_of_detection)
+        return self.particles.missed(legs, drone.craft)
+
+    def missed_by(self, number: int, free: FreePattern) -> Floats | None:
+        """`missed` of a drone by its number, with a free pattern."""
+        return self.missed(self.drones[number], self.pattern(number, free))
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether all drones can do the same, so that their order does not matter."""
+        able = {replace(drone.craft, name="", altitude=0.0) for drone in self.drones}
+        return len(able) == 1
 
     def _is_at_sea(self, pattern: Pattern) -> bool:
         """Whether a part of the pattern's first lap is at sea: the search can begin there."""

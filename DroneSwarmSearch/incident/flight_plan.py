@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from functools import cached_property
 from itertools import combinations
@@ -12,11 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
-from DroneSwarmSearch._internal.text import plural
+from DroneSwarmSearch._internal.text import capitalised, plural
 from DroneSwarmSearch.geo.coast import NONE, Land
 from DroneSwarmSearch.geo.units import KNOT, radioed
-from DroneSwarmSearch.incident.drone import drone_of
+from DroneSwarmSearch.incident.by_class import in_words
+from DroneSwarmSearch.incident.drone import drone_in_wind
 from DroneSwarmSearch.incident.families import Boxes, Shape
+from DroneSwarmSearch.incident.fleet import Drone
 from DroneSwarmSearch.incident.flights import (
     Waypoint,
     down_to_the_minute,
@@ -122,24 +124,30 @@ class FlightPlan:
     # What it finds.
 
     @property
-    def legs(self) -> Floats:
-        """The legs on which drones search, of all flights, see `flights.legs_of`."""
+    def legs(self) -> list[Floats]:
+        """The legs on which each drone searches, see `flights.legs_of`."""
         plane = self.incident.plane
         since = self.incident.began
-        return np.concatenate([legs_of(flight, plane, since) for flight in self.flights])
+        return [legs_of(flight, plane, since) for flight in self.flights]
 
     @cached_property
-    def sweeps(self) -> tuple[Ints, Floats]:
-        """Which particle a drone sweeps over, and when, in seconds of the incident: (m,) each."""
-        return self.particles.sweeps(self.legs, self.incident.swath)
+    def sweeps(self) -> list[tuple[Ints, Floats]]:
+        """For each drone, which particle it sweeps over, and when, in seconds: (m,) each."""
+        pairs = zip(self.incident.craft, self.legs, strict=True)
+        return [self.particles.sweeps(legs, drone.swath) for drone, legs in pairs]
+
+    def missed(self, by: datetime | None = None) -> Floats:
+        """The probability that all drones miss each particle up to a time: float64, (n,)."""
+        missed = np.ones_like(self.particles.weights)
+        for drone, (swept, when) in zip(self.incident.craft, self.sweeps, strict=True):
+            if by is not None:
+                swept = swept[when <= self.incident.seconds(by)]
+            missed *= self.particles.missed_after(swept, drone.probability_of_detection)
+        return missed
 
     def success(self, by: datetime | None = None) -> float:
         """The probability that the person is found by a time, by default the last landing."""
-        swept, when = self.sweeps
-        if by is not None:
-            swept = swept[when <= self.incident.seconds(by)]
-        missed = self.particles.missed_after(swept, self.incident.probability_of_detection)
-        return float(self.particles.weights @ (1.0 - missed))
+        return float(self.particles.weights @ (1.0 - self.missed(by)))
 
     @property
     def probability_of_success(self) -> float:
@@ -153,8 +161,7 @@ class FlightPlan:
         How likely each one is accounts for earlier flights.
         """
         incident = self.incident
-        swept, _ = self.sweeps
-        found = 1.0 - self.particles.missed_after(swept, incident.probability_of_detection)
+        found = 1.0 - self.missed()
         names = [each.name for each in incident.cases]
         groups = (
             (names, self.particles.hypotheses),
@@ -174,7 +181,7 @@ class FlightPlan:
         flight = self.flights[number]
         seconds = [(point.time - flight[0].time).total_seconds() for point in flight]
         flown = np.column_stack([seconds, track(flight, self.incident.plane)])
-        speeds: list[float] = drone_of(self.incident, number).ground_speeds(flown).tolist()
+        speeds: list[float] = drone_in_wind(self.incident, number).ground_speeds(flown).tolist()
         return speeds
 
     def density(self, time: datetime, size: int = 80) -> tuple[Floats, Floats, Floats]:
@@ -187,7 +194,8 @@ class FlightPlan:
         positions = self.particles.at(self.incident.seconds(time))
         low, high = np.percentile(positions, (0.1, 99.9), axis=0)
         middle = (low + high) / 2
-        half = max(0.6 * (high - low).max(), self.incident.swath)
+        widest = max(self.particles.mean_of(drone.swath) for drone in self.incident.craft)
+        half = max(0.6 * (high - low).max(), widest)
         edges = [np.linspace(centre - half, centre + half, size + 1) for centre in middle]
         east, north = positions.T
         counts: Floats
@@ -238,10 +246,10 @@ class FlightPlan:
         incident = self.incident
         texts = []
         for number, (pattern, flight) in enumerate(zip(self.patterns, self.flights, strict=True)):
-            order = Order(incident, number, pattern, flight)
+            order = Order(incident, number, pattern, flight, self.particles)
             legs = legs_of(flight, incident.plane, incident.began)
-            missed = self.particles.missed(legs, incident.swath, incident.probability_of_detection)
-            texts.append(order.values(*order.found(self.particles, missed)))
+            missed = self.particles.missed(legs, incident.craft[number])
+            texts.append(order.values(*order.found(missed)))
         return texts
 
     @property
@@ -256,7 +264,8 @@ class FlightPlan:
     @property
     def orders(self) -> list[str]:
         """For each drone, a line that can be read over a radio; drones are numbered from 1."""
-        return [read_aloud(order) for order in self._order_texts]
+        pairs = zip(self.incident.craft, self._order_texts, strict=True)
+        return [f"{capitalised(drone.label)}: {read_aloud(order)}" for drone, order in pairs]
 
     @property
     def briefing(self) -> list[str]:
@@ -277,15 +286,16 @@ class FlightPlan:
         """Which drones share a height, and how far apart they stay."""
         sentences = []
         flights = self.flights
-        for height in sorted({flight[0].altitude for flight in flights}):
-            sharing = [n for n, flight in enumerate(flights) if flight[0].altitude == height]
+        flying = [n for n, drone in enumerate(self.incident.craft) if not drone.is_boat]
+        for height in sorted({flights[number][0].altitude for number in flying}):
+            sharing = [number for number in flying if flights[number][0].altitude == height]
             if len(sharing) > 1:
                 pairs = combinations(sharing, 2)
                 apart = min(least_distance(flights[a], flights[b]) for a, b in pairs)
                 far = "are never in the air together"
                 if math.isfinite(apart):
                     far = f"come within {apart:.0f} m of each other"
-                names = " and ".join(str(number + 1) for number in sharing)
+                names = " and ".join(self.incident.craft[number].name for number in sharing)
                 sentences.append(f"Drones {names} share the height of {height:.0f} m and {far}.")
         return sentences
 
@@ -367,19 +377,63 @@ class FlightPlan:
             drift += f" {self.particles.ashore:.0%} of the persons strand by {self.landed:%H:%M}."
         if incident.coast == NONE:
             drift += " No coast is known, so nobody strands."
+        return [drift, *self._abilities]
+
+    @property
+    def _abilities(self) -> list[str]:
+        """What the drones can do, in sentences; those that can do the same share one."""
+        alike: dict[Drone, list[int]] = {}
+        for number, drone in enumerate(self.incident.craft):
+            able = replace(
+                drone, name="", altitude=0.0, base=(0.0, 0.0), take_off=self.incident.start
+            )
+            alike.setdefault(able, []).append(number)
+        if len(alike) == 1:
+            return self._ability_of_all
+        sentences = []
+        for numbers in alike.values():
+            labels = [self.incident.craft[number].label for number in numbers]
+            sentences.append(f"{capitalised(' and '.join(labels))}: {self._ability(numbers[0])}.")
+        return [*sentences, "Strips account for sea, light and visibility."]
+
+    @property
+    def _ability_of_all(self) -> list[str]:
+        """What drones that are alike can do."""
+        drone = self.incident.craft[0]
         limit = ""
-        if incident.speed > incident.fastest_over_ground:
-            limit = f", at most {_speed(incident.fastest_over_ground)} over the ground"
-        first = drone_of(incident, 0)
-        blows = float(np.hypot(*first.wind(np.zeros(1), np.zeros((2, 1))))[0])
+        if drone.speed > drone.fastest_over_ground:
+            limit = f", at most {_speed(drone.fastest_over_ground)} over the ground"
+        how = f"fly {_speed(drone.speed)} in still air{limit}, the wind at their height is"
+        if drone.is_boat:
+            how = f"sail {_speed(drone.speed)} through the water, the current is"
+        found, strip = self._seen(drone)
         return [
-            drift,
-            f"Drones fly {_speed(incident.speed)} in still air{limit}, the wind at their height is "
-            f"{_speed(blows)}, and a right-angle turn takes {incident.turn:g} s.",
-            f"They land after at most {first.endurance / 60:.0f} min.",
-            f"They find {incident.probability_of_detection:.0%} of those in a strip of "
-            f"{incident.swath:.0f} m, which already accounts for sea, light and visibility.",
+            f"{capitalised(drone.kind)}s {how} {_speed(self._blows(0))}, and a right-angle turn "
+            f"takes {drone.turn:g} s.",
+            f"They land after at most {drone.airborne / 60:.0f} min.",
+            f"They find {found} of those in a strip of {strip}, which already accounts for sea, "
+            "light and visibility.",
         ]
+
+    def _ability(self, number: int) -> str:
+        """What one drone can do, in few words."""
+        drone = self.incident.craft[number]
+        found, strip = self._seen(drone)
+        flow = "current" if drone.is_boat else "wind at its height"
+        return (
+            f"{_speed(drone.speed)}, {flow} {_speed(self._blows(number))}, at most "
+            f"{drone.airborne / 60:.0f} min, finds {found} in a strip of {strip}"
+        )
+
+    def _blows(self, number: int) -> float:
+        """The wind at the height of a drone, or the current of a boat, in m/s."""
+        flying = drone_in_wind(self.incident, number)
+        return float(np.hypot(*flying.wind(np.zeros(1), np.zeros((2, 1))))[0])
+
+    def _seen(self, drone: Drone) -> tuple[str, str]:
+        """The probability of detection and the width of the strip, in words."""
+        found = in_words(drone.probability_of_detection, "{:.0%}".format)
+        return found, in_words(drone.swath, "{:.0f} m".format)
 
 
 def _miles(metres: float) -> str:

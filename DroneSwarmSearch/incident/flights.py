@@ -18,6 +18,7 @@ from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.files import csv_rows
 from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.geo.times import in_utc
+from DroneSwarmSearch.incident.by_class import ByClass, read_by_class
 
 
 class Waypoint(NamedTuple):
@@ -47,13 +48,13 @@ class FlownFlight:
 
     Attributes:
         waypoints: at least two, in the order of their times.
-        swath: the width of the strip that the drone saw, in metres.
-        probability_of_detection: that it found a person in the strip when it flew past.
+        swath: the width of the strip that the drone saw, in metres; perhaps by object class.
+        probability_of_detection: that it found a person in the strip when it flew past, likewise.
     """
 
     waypoints: tuple[Waypoint, ...]
-    swath: float
-    probability_of_detection: float
+    swath: ByClass
+    probability_of_detection: ByClass
 
     def __post_init__(self) -> None:
         waypoints = tuple(
@@ -64,8 +65,8 @@ class FlownFlight:
         name = "probability_of_detection"
         values = {
             "waypoints": waypoints,
-            "swath": checks.positive("swath", self.swath),
-            name: checks.real(name, self.probability_of_detection, 0, 1),
+            "swath": read_by_class("swath", self.swath, checks.positive),
+            name: read_by_class(name, self.probability_of_detection, _probability),
         }
         for field, value in values.items():
             object.__setattr__(self, field, value)
@@ -76,7 +77,11 @@ class FlownFlight:
         return self.waypoints[-1].time
 
 
-def read_flown(name: str, value: object, swath: float, detection: float) -> FlownFlight:
+def _probability(name: str, value: object) -> float:
+    return checks.real(name, value, 0, 1)
+
+
+def read_flown(name: str, value: object, swath: ByClass, detection: ByClass) -> FlownFlight:
     """A flown flight from the forms that an incident takes.
 
     Args:
@@ -121,10 +126,11 @@ def checked_waypoint(name: str, value: object) -> Waypoint:
 
 
 class NamedFlight(NamedTuple):
-    """A flight, and what messages call each of its waypoints."""
+    """A flight, what messages call each of its waypoints, and the number of its drone."""
 
     names: list[str]
     waypoints: list[Waypoint]
+    drone: int
 
 
 def read_flights(path: str | os.PathLike[str]) -> list[NamedFlight]:
@@ -145,7 +151,7 @@ def read_flights(path: str | os.PathLike[str]) -> list[NamedFlight]:
     for number, row in csv_rows(Path(path)):
         line = f"{path}, line {number}"
         drone, waypoint = _read_row(line, row)
-        flight = flights.setdefault(drone, NamedFlight([], []))
+        flight = flights.setdefault(drone, NamedFlight([], [], drone))
         if flight.waypoints and waypoint.time <= flight.waypoints[-1].time:
             raise ValueError(f"{line}: time_utc must increase, got {row['time_utc']!r}")
         flight.names.append(line)

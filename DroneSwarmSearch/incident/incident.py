@@ -8,7 +8,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from datetime import datetime, timedelta
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -24,7 +24,20 @@ from DroneSwarmSearch.geo.flows import Flow, Origin
 from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.geo.times import near
 from DroneSwarmSearch.geo.typed_flows import FILES, read_flow
-from DroneSwarmSearch.geo.units import LENGTH, SPEED, TIME, Quantity
+from DroneSwarmSearch.geo.units import LENGTH, SPEED, Quantity
+from DroneSwarmSearch.incident.by_class import ByClass, check_classes
+from DroneSwarmSearch.incident.fleet import (
+    COPTER,
+    HEIGHTS_APART,
+    LOWEST,
+    USUAL,
+    USUAL_RESERVE,
+    Drone,
+    at_heights,
+    completed,
+    read_fleet,
+)
+from DroneSwarmSearch.incident.fleet import SHARED as SHARED_BY_DRONES
 from DroneSwarmSearch.incident.flights import FlownFlight, read_flown
 from DroneSwarmSearch.incident.hypothesis import (
     FIELDS,
@@ -36,22 +49,18 @@ from DroneSwarmSearch.incident.hypothesis import (
     read_times,
 )
 from DroneSwarmSearch.incident.places import Point
+from DroneSwarmSearch.incident.sweep_widths import swaths
 from DroneSwarmSearch.persons import leeway
 from DroneSwarmSearch.persons.track_files import first_known
 
-QUANTITIES = {
-    "swath": Quantity(LENGTH, 1, 10_000, "from 1 m to 10 km"),
-    "altitude": Quantity(LENGTH, 0, 10_000, "from 0 to 10 km"),
-    "ceiling": Quantity(LENGTH, 0, 10_000, "from 0 to 10 km"),
+VISIBILITY = Quantity(LENGTH, 100, 100_000, "from 100 m to 100 km")
+CEILING = Quantity(LENGTH, 0, 10_000, "from 0 to 10 km")
+
+FLOW_ERRORS = {
     "wind_error": Quantity(SPEED, 0, 60, "from 0 to 60 m/s", error="across"),
     "current_error": Quantity(SPEED, 0, 5, "from 0 to 5 m/s", error="across"),
-    "speed": Quantity(SPEED, 0, 200, "above 0 and at most 200 m/s", is_above_zero=True),
-    "endurance": Quantity(TIME, 0, 12 * 3600, "above 0 and at most 12 h", is_above_zero=True),
-    "reserve": Quantity(TIME, 0, 12 * 3600, "from 0 to 12 h"),
-    "turn": Quantity(TIME, 0, 600, "from 0 to 10 min"),
-    "climb": Quantity(SPEED, 0, 50, "above 0 and at most 50 m/s", is_above_zero=True),
 }
-"""What lengths, speeds and durations may be."""
+"""What the errors of flows may be."""
 
 FARTHEST = 100_000.0
 """The largest distance in metres from the origin; the plane is accurate up to there."""
@@ -59,32 +68,19 @@ FARTHEST = 100_000.0
 LONGEST_DRIFT = timedelta(hours=72)
 """From the last known position to the take-off; errors of leeway and current grow without end."""
 
-USUAL_RESERVE = 0.2
-"""Of the endurance."""
-
-HEIGHTS_APART = 20.0
-"""Metres between the heights of two drones."""
-
-LOWEST = 20.0
-"""The least height in metres of drones that fly below the given altitude for lack of room above."""
-
 USUAL_ALTITUDE = 100.0
 USUAL_CEILING = 120.0
-
-COPTER = "copter"
-PLANE = "plane"
-DJI = "dji"
-
-AIRCRAFT = (COPTER, PLANE, DJI)
-
-FASTEST_OVER_GROUND = {DJI: 15.0}
-"""In m/s, of missions for aircraft that limit it: DJI's WPML, "autoFlightSpeed"."""
 
 NEAR = 64_000.0
 """Metres from the last known position to which land is first read."""
 
 FLOWS = ("wind", "current")
 COASTS = (GSHHG, NONE)
+
+MOST_DRONES = 50
+
+STATED = SHARED_BY_DRONES
+"""What an incident states of all drones."""
 
 ERRORS = {"wind_error": 2.0, "current_error": 0.13}
 """The usual errors of flows that are not ensembles."""
@@ -100,7 +96,7 @@ SHARED = ("time", "position_error", "object_class")
 
 WHERE = (*PLACES, *SEEN)
 
-TYPED = (*ONE_CASE, "hypotheses", "base")
+TYPED = (*ONE_CASE, "hypotheses", "base", "fleet")
 """Values that files hold as they were typed, if they were."""
 
 IN_TRACKS = ("hypotheses", "line", "area", *SEEN, "position_error", "current", *ERRORS)
@@ -151,6 +147,7 @@ class Incident:
         hypotheses: in place of all these, what may have happened, each a `Hypothesis` or a mapping
             of its values. Mappings need not repeat time, position_error and object_class.
         cases: all hypotheses, also if there is only one; none with tracks.
+        craft: all drones, boats and helicopters with all their values, in their order.
         origin: where and when metres and seconds begin: in the middle of all hypotheses, at their
             earliest time.
         wind: where it comes from and its speed, at 10 m: "300 25kn", or "NW 12 m/s"; or (east,
@@ -175,11 +172,16 @@ class Incident:
         start: when the drones take off, at most 72 hours after `time`; by default an hour after
             it. Of a time of the clock, such as "06:00Z", the nearest to `time` counts, here and
             where a wind or a current changes.
-        drones: how many.
+        drones: how many, 3 by default.
+        fleet: in place of their number, each drone, boat and helicopter, a `Drone` or a mapping of
+            its values; or a CSV file with a row for each, whose columns have the names of these
+            values. What a drone does not state is as follows.
+        visibility: at sea, 10 NM by default; what helicopters and boats see depends on it.
         speed: their airspeed, at most 200 m/s.
-        swath: the width of the strip that a drone sees, from 1 m to 10 km.
+        swath: the width of the strip that a drone sees, from 1 m to 60 km; or that for each object
+            class, {"PIW-1": 100, ...}.
         probability_of_detection: that a drone which flies over the person, within the strip, finds
-            the person; from 0 to 1.
+            the person; from 0 to 1, or for each object class.
         endurance: of a drone, from take-off to landing; at most 12 hours.
         reserve: what must be left of the endurance at the landing, by default a fifth of it.
         base: where the drones take off and land; by default the last known position.
@@ -191,7 +193,7 @@ class Incident:
         turn: seconds in which a drone turns by a right angle.
         climb: the speed with which drones climb after the take-off, and sink to land.
         aircraft: for which missions are written: "copter" or "plane", with ArduPilot or PX4; or
-            "dji", which fly at most 15 m/s over the ground.
+            "dji", which fly at most 15 m/s over the ground. Or "helicopter" and "boat".
         flown: earlier flights that found nobody, each a `FlownFlight`, see `after`; or the
             waypoints of a flight, flown with this swath and probability of detection.
 
@@ -213,6 +215,7 @@ class Incident:
     object_class: Any = None
     hypotheses: tuple[Hypothesis, ...] = ()
     cases: tuple[Hypothesis, ...] = field(init=False)
+    craft: tuple[Drone, ...] = field(init=False)
     origin: Origin = field(init=False)
     wind: Flow = None  # type: ignore[assignment]
     current: Flow = (0.0, 0.0)  # type: ignore[assignment]  # read below
@@ -221,10 +224,12 @@ class Incident:
     tracks: str | None = None
     coast: str = GSHHG
     start: datetime = None  # type: ignore[assignment]
-    drones: int = 3
+    drones: int = None  # type: ignore[assignment]  # known below
+    fleet: tuple[Drone, ...] = ()
+    visibility: float = 18_520.0
     speed: float = 20.0
-    swath: float = 200.0
-    probability_of_detection: float = 0.8
+    swath: ByClass = 200.0
+    probability_of_detection: ByClass = 0.8
     endurance: float = 2700.0
     reserve: float = None  # type: ignore[assignment]
     base: Pair = None  # type: ignore[assignment]
@@ -298,8 +303,7 @@ class Incident:
     @property
     def object_classes(self) -> tuple[str, ...]:
         """The object classes of all hypotheses; none with tracks."""
-        named = dict.fromkeys(name for each in self.cases for name, _ in each.object_class)
-        return tuple(named)
+        return _classes(self.cases)
 
     def land(self, reach: float) -> Land | None:
         """The land up to a distance from the last known position; None with coast "none".
@@ -320,15 +324,26 @@ class Incident:
         return self.land(reach)
 
     @property
-    def fastest_over_ground(self) -> float:
-        """The most that the aircraft can fly over the ground, in m/s, or infinity."""
-        return FASTEST_OVER_GROUND.get(self.aircraft, math.inf)
-
-    @property
     def heights(self) -> tuple[float, ...]:
         """The height of each drone above the sea, in metres; too many drones share heights."""
-        free = levels(self.altitude, self.ceiling)
-        return tuple(free[number % len(free)] for number in range(self.drones))
+        return tuple(drone.altitude for drone in self.craft)
+
+    @property
+    def landed(self) -> datetime:
+        """When all have landed at the latest."""
+        return max(drone.take_off + timedelta(seconds=drone.airborne) for drone in self.craft)
+
+    @property
+    def airborne(self) -> float:
+        """Seconds from the first take-off to the last landing, at the latest."""
+        return (self.landed - self.start).total_seconds()
+
+    @property
+    def fleet_in_words(self) -> str:
+        """How many drones, helicopters and boats there are."""
+        kinds = [each.kind for each in self.craft]
+        *others, last = [plural(kinds.count(kind), kind) for kind in dict.fromkeys(kinds)]
+        return f"{', '.join(others)} and {last}" if others else last
 
     @property
     def marks(self) -> list[Mark]:
@@ -356,7 +371,7 @@ class Incident:
             self.current.described(self._clock),
         ]
         known = ", ".join(part for part in parts if part)
-        return f"{known}; {plural(self.drones, 'drone')} from {self._clock(self.start)}."
+        return f"{known}; {self.fleet_in_words} from {self._clock(self.start)}."
 
     @property
     def case(self) -> str:
@@ -408,6 +423,9 @@ class Incident:
         if self.hypotheses:  # they are complete
             values = {name: value for name, value in values.items() if name not in SHARED}
             values["hypotheses"] = [each.plain(folder) for each in self.hypotheses]
+        if self.fleet:
+            values["fleet"] = [each.given() for each in self.fleet]
+            del values["drones"]
         for name in FLOWS:
             values[name] = values[name].as_typed(os.fspath(folder))
         for name, value in (("tracks", self.tracks), ("coast", self.coast)):
@@ -429,13 +447,6 @@ class Incident:
         return cls(**_replaced(values, changes))
 
 
-def levels(altitude: float, ceiling: float) -> list[float]:
-    """The heights at which drones can fly, 20 m apart: up from the altitude, then down from it."""
-    above = np.arange(altitude, ceiling + 1e-6, HEIGHTS_APART)
-    below = np.arange(altitude - HEIGHTS_APART, LOWEST - 1e-6, -HEIGHTS_APART)
-    return [*above.tolist(), *below.tolist()]
-
-
 def _find_files(values: dict[str, Any], names: tuple[str, ...], folder: Path) -> None:
     """Let the paths of files count from a folder."""
     for name in names:
@@ -445,9 +456,11 @@ def _find_files(values: dict[str, Any], names: tuple[str, ...], folder: Path) ->
 
 
 def _replaced(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """Values with changes; another place, or other hypotheses, replace all that were given."""
+    """Values with changes; another place, other hypotheses or a fleet replace what was given."""
     if any(name in changes for name in (*PLACES, "hypotheses")):
         values = {**values, **dict.fromkeys(WHERE), "hypotheses": ()}
+    if "fleet" in changes:
+        values = {**values, "drones": None}
     return {**values, **changes}
 
 
@@ -476,28 +489,18 @@ def _checked(given: dict[str, Any]) -> dict[str, Any]:
     values = {**given, **_case(given), "coast": _coast(given["coast"])}
     values |= {
         name: kind.read(name, given[name])
-        for name, kind in QUANTITIES.items()
-        if given[name] is not None or name not in DEPENDENT
+        for name, kind in FLOW_ERRORS.items()
+        if given[name] is not None
     }
-    checks.choice("aircraft", given["aircraft"], AIRCRAFT)
-    values["drones"] = checks.integer("drones", given["drones"], 1, 50)
-    name = "probability_of_detection"
-    values[name] = checks.real(name, given[name], 0, 1)
-    if values["reserve"] is None:
-        values["reserve"] = USUAL_RESERVE * values["endurance"]
-    if values["reserve"] >= values["endurance"]:
-        raise ValueError(
-            f"reserve must be less than the endurance, {values['endurance'] / 60:g} min, got "
-            f"{given['reserve']!r}"
-        )
-    values |= _heights(values)
     values |= _base_and_start(values)
-    origin = values["origin"]
-    landed = values["start"] + timedelta(seconds=values["endurance"] - values["reserve"])
+    values["visibility"] = VISIBILITY.read("visibility", given["visibility"])
     for name in FLOWS:
-        flow = read_flow(name, values[name], origin)
+        values[name] = read_flow(name, values[name], values["origin"])
+    values |= _fleet(values, given)
+    landed = max(each.take_off + timedelta(seconds=each.airborne) for each in values["craft"])
+    for name in FLOWS:
+        flow = values[name]
         flow.check_times(landed)
-        values[name] = flow
         error = f"{name}_error"
         if values[error] is None:
             values[error] = ERRORS[error] if flow.members == 1 else 0.0
@@ -505,6 +508,90 @@ def _checked(given: dict[str, Any]) -> dict[str, Any]:
         _check_tracks_alone(values, given)
     values["flown"] = _flown(values)
     return values
+
+
+def _fleet(values: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    """What the incident states of all drones, and each of them."""
+    stated = {name: given[name] for name in STATED if given[name] is not None}
+    read = Drone(**stated).given()
+    if given["ceiling"] is not None:
+        read["ceiling"] = CEILING.read("ceiling", given["ceiling"])
+    reserve = read.get("reserve", USUAL_RESERVE * read["endurance"])
+    if reserve >= read["endurance"]:
+        raise ValueError(
+            f"reserve must be less than the endurance, {read['endurance'] / 60:g} min, got "
+            f"{given['reserve']!r}"
+        )
+    fleet = read_fleet(given["fleet"]) if given["fleet"] else []
+    drones = given["drones"]
+    if fleet and drones not in (None, len(fleet)):
+        raise ValueError(f"drones cannot be given together with fleet, got {drones!r:.100}")
+    _check_used(given, fleet)
+    count = len(fleet) or checks.integer("drones", 3 if drones is None else drones, 1, MOST_DRONES)
+    shared = {"aircraft": COPTER, "base": values["base"], "reserve": None, **read}
+    for name in ("altitude", "ceiling"):
+        shared.pop(name, None)
+    drones = fleet or [Drone() for _ in range(count)]
+    craft = completed(drones, shared, values["start"], partial(_swaths, values))
+    unplaced = sum(each.altitude is None for each in craft)
+    heights = _heights({"altitude": None, "ceiling": None, **read, "drones": unplaced})
+    craft = at_heights(craft, **heights)
+    _check_craft(values, craft)
+    start = min(each.take_off for each in craft)
+    read |= heights | {"reserve": reserve, "fleet": tuple(fleet), "drones": count, "start": start}
+    return read | {"craft": tuple(craft)}
+
+
+def _swaths(values: dict[str, Any], aircraft: str, speed: float) -> ByClass:
+    """What a boat or a helicopter sees, by the tables, in the wind at the start."""
+    classes = _classes(values["cases"])
+    if not classes:
+        raise ValueError(f"swath must be given for a {aircraft}, together with tracks")
+    seconds = values["origin"].seconds(values["start"])
+    blows = values["wind"].velocity(seconds, np.zeros((2, 1)))
+    return swaths(
+        aircraft,
+        classes,
+        visibility=values["visibility"],
+        wind=float(np.hypot(*np.nan_to_num(blows))[0]),
+        speed=speed,
+    )
+
+
+def _classes(cases: Sequence[Hypothesis]) -> tuple[str, ...]:
+    """The object classes of all hypotheses."""
+    return tuple(dict.fromkeys(name for each in cases for name, _ in each.object_class))
+
+
+def _check_used(given: dict[str, Any], fleet: Sequence[Drone]) -> None:
+    """Raise a ValueError for a value that no drone of a fleet takes from the incident."""
+    usual = {each.name: each.default for each in fields(Incident)}
+    takers = [each.given() for each in fleet if each.aircraft not in USUAL]
+    for name in (*STATED, "start"):
+        own = "take_off" if name == "start" else name
+        users = takers if name not in ("base", "start") else [each.given() for each in fleet]
+        if fleet and given[name] != usual[name] and all(own in each for each in users):
+            raise ValueError(
+                f"{name} cannot be given together with a fleet in which all have their own"
+            )
+
+
+def _check_craft(values: dict[str, Any], craft: Sequence[Drone]) -> None:
+    """Raise a ValueError for drones with equal names, far away, too early, or of other classes."""
+    names = [each.name for each in craft]
+    if len(set(names)) < len(names):
+        raise ValueError(f"fleet must have different names, got {', '.join(names)}")
+    classes = _classes(values["cases"])
+    latest = _latest(values["cases"], values["origin"].time)
+    for each in craft:
+        for name in ("swath", "probability_of_detection"):
+            check_classes(name, getattr(each, name), classes)
+        if each.take_off < latest:
+            raise ValueError(
+                f"take_off of {each.name} must not be before time, {latest}, got {each.take_off}"
+            )
+        _check_near(f"base of {each.name}", values["origin"].position, each.base)
+        _check_start(f"take_off of {each.name}", values["origin"].time, each.take_off)
 
 
 def _heights(values: dict[str, Any]) -> dict[str, float]:
@@ -667,23 +754,33 @@ def _base_and_start(values: dict[str, Any]) -> dict[str, Any]:
     base = known
     if values["base"] is not None:
         base = read_position("base", values["base"])
-    if not TangentPlane(*known).distance(*base) <= FARTHEST:
-        raise ValueError(
-            f"base must be within {FARTHEST / 1000:g} km of position, got {base}, far from "
-            f"{known}; is the latitude first in both?"
-        )
+    _check_near("base", known, base)
     start = latest + timedelta(hours=1)
     if values["start"] is not None:
         start = near("start", values["start"], latest)
     if start < latest:
         raise ValueError(f"start must not be before time, {latest}, got {start}")
+    _check_start("start", time, start)
+    return {"base": base, "start": start}
+
+
+def _check_near(name: str, known: Pair, base: Pair) -> None:
+    """Raise a ValueError for a base that is too far from the middle of all that is known."""
+    if not TangentPlane(*known).distance(*base) <= FARTHEST:
+        raise ValueError(
+            f"{name} must be within {FARTHEST / 1000:g} km of position, got {base}, far from "
+            f"{known}; is the latitude first in both?"
+        )
+
+
+def _check_start(name: str, time: datetime, start: datetime) -> None:
+    """Raise a ValueError for a take-off that is too late."""
     if start > time + LONGEST_DRIFT:
         hours = LONGEST_DRIFT.total_seconds() / 3600
         raise ValueError(
-            f"start must be at most {hours:g} hours after time, {time}, got {start}; later, take a "
-            "newer position"
+            f"{name} must be at most {hours:g} hours after time, {time}, got {start}; later, take "
+            "a newer position"
         )
-    return {"base": base, "start": start}
 
 
 def _flown(values: dict[str, Any]) -> tuple[FlownFlight, ...]:

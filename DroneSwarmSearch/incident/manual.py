@@ -18,9 +18,10 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch.geo.units import KNOT, PROBABLE
-from DroneSwarmSearch.incident.drone import drone_of
+from DroneSwarmSearch.incident.drone import drone_in_wind
 from DroneSwarmSearch.incident.flights import track
 from DroneSwarmSearch.incident.incident import Incident
+from DroneSwarmSearch.incident.particles import Searcher
 from DroneSwarmSearch.incident.places import Point
 from DroneSwarmSearch.persons import leeway
 
@@ -47,7 +48,7 @@ class Worksheet:
         error: E, the total probable error of each.
         effort: Z, the area that all drones can sweep.
         before: the area that earlier flights have swept.
-        sweep_width: W, of a drone.
+        sweep_width: W, of a drone; the mean of all.
     """
 
     datums: Floats
@@ -109,20 +110,31 @@ def worksheet(incident: Incident) -> Worksheet:
             or object classes, or another place than a position.
     """
     known = _one_point(incident)
-    drones = [drone_of(incident, number) for number in range(incident.drones)]
-    half_way = incident.seconds(incident.start) + drones[0].endurance / 2
+    drones = [drone_in_wind(incident, number) for number in range(len(incident.craft))]
+    half_way = incident.seconds(incident.start) + incident.airborne / 2
     both = datums(incident, half_way)
-    sweep_width = incident.swath * incident.probability_of_detection
-    times = [drone.time_around(both.mean(axis=0)) for drone in drones]
+    widths = [sweep_width(drone.craft) for drone in drones]
+    middle = both.mean(axis=0)
+    swept = [
+        width * drone.airspeed * drone.time_around(middle)
+        for width, drone in zip(widths, drones, strict=True)
+    ]
     return Worksheet(
         datums=both,
         error=total_probable_error(
             PROBABLE * known.error, DRONE_ERROR, drift_errors(incident), half_way
         ),
-        effort=sum(times) * ON_SEARCH * incident.speed * sweep_width,
+        effort=sum(swept) * ON_SEARCH,
         before=sum(_swept(incident)),
-        sweep_width=sweep_width,
+        sweep_width=float(np.mean(widths)),
     )
+
+
+def sweep_width(searcher: Searcher) -> float:
+    """The swath times the probability of detection, of the first object class."""
+    values = (searcher.swath, searcher.probability_of_detection)
+    swath, detection = (value if isinstance(value, float) else value[0][1] for value in values)
+    return swath * detection
 
 
 def _one_point(incident: Incident) -> Point:
@@ -199,5 +211,5 @@ def _swept(incident: Incident) -> list[float]:
         way = np.diff(track(flight.waypoints, incident.plane), axis=0)
         searching = [point.searching for point in flight.waypoints[:-1]]
         length = float(np.hypot(*way[searching].T).sum())
-        areas.append(length * flight.swath * flight.probability_of_detection)
+        areas.append(length * sweep_width(flight))
     return areas

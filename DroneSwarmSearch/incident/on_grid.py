@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from statistics import median
 from typing import NamedTuple
 
 import numpy as np
@@ -40,7 +41,8 @@ def search_on_grid(incident: Incident) -> NamedSearch:
     """The search on a grid, to train on or to play; its person drifts as the particles do.
 
     A cell is as wide as the strip that a drone sees, or several times as wide if the area is
-    large, and a drone moves and searches while a real one crosses it in still air.
+    large, and a drone moves and searches while a real one crosses it in still air. The drones of a
+    mixed fleet are as the one in the middle.
 
     Returns:
         The scenario with its start cells and its `Scale`; its `reason` is the incident.
@@ -71,9 +73,13 @@ def _on_grid(incident: Incident) -> _OnGrid:
     at_ends = cloud.positions[:, cloud.rows(np.array([begin, end]))]
     low, high = np.percentile(at_ends, (0.25, 99.75), (1, 2))
     extent = float((high - low).max())
-    wide = math.ceil((extent / incident.swath + 1) / MOST_CELLS)
-    metres = wide * incident.swath
-    scale = Scale(metres, metres / (2 * incident.speed))
+    craft = incident.craft
+    swath = median(cloud.mean_of(drone.swath) for drone in craft)
+    speed = median(drone.speed for drone in craft)
+    detection = median(cloud.mean_of(drone.probability_of_detection) for drone in craft)
+    wide = math.ceil((extent / swath + 1) / MOST_CELLS)
+    metres = wide * swath
+    scale = Scale(metres, metres / (2 * speed))
     size = max(math.ceil(extent / metres) + 1, LEAST_CELLS)
     centre = np.mean([low, high], axis=0)
     middle = (size - 1) / 2 - centre * (1, -1) / metres
@@ -82,20 +88,20 @@ def _on_grid(incident: Incident) -> _OnGrid:
     times = begin + scale.seconds_per_step * np.arange(limit + 1, dtype=np.float64)
     cells = _interpolated(cloud, times) * (1, -1) / metres + middle
     tracks = Tracks(cells.clip(0, size - 1), cloud.weights)
-    person = Person(tracks, incident.probability_of_detection / wide, fine=1)
+    person = Person(tracks, detection / wide, fine=1)
     scenario = Scenario(
         size,
-        incident.drones,
+        len(craft),
         persons=(person,),
         timestep_limit=limit,
         bayesian_update=True,
     )
 
     # The drones begin in likely cells, those nearest to the base.
-    likely = _likely_cells(tracks, size, incident.drones)
+    likely = _likely_cells(tracks, size, len(craft))
     base = incident.plane.metres(*incident.base)
     away = np.hypot(*((likely - middle) * (1, -1) * metres - base).T)
-    nearest = np.argsort(away, kind="stable")[: incident.drones]
+    nearest = np.argsort(away, kind="stable")[: len(craft)]
     starts = tuple((x, y) for x, y in likely[nearest].tolist())
     search = NamedSearch(
         name="incident",
@@ -122,8 +128,10 @@ def _hours(incident: Incident, cloud: Particles) -> tuple[float, float]:
     """When drones arrive at the mean position, and when they leave, in seconds."""
     start = incident.seconds(incident.start)
     away = cloud.mean(start) - incident.plane.metres(*incident.base)
-    first = start + float(np.hypot(*away)) / incident.speed
-    last = max(2 * start + incident.endurance - first, first + incident.endurance / 10)
+    speed = median(drone.speed for drone in incident.craft)
+    endurance = max(drone.endurance for drone in incident.craft)
+    first = start + float(np.hypot(*away)) / speed
+    last = max(2 * start + endurance - first, first + endurance / 10)
     return first, last
 
 

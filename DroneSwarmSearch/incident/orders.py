@@ -11,7 +11,8 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Flags, Floats
 from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.geo.units import KNOT, radioed
-from DroneSwarmSearch.incident.drone import drone_of
+from DroneSwarmSearch.incident.drone import drone_in_wind
+from DroneSwarmSearch.incident.fleet import Drone
 from DroneSwarmSearch.incident.flights import (
     Flight,
     course,
@@ -39,12 +40,19 @@ class Order:
         number: of the drone, from 0.
         pattern: what it flies.
         flight: its waypoints.
+        particles: possible persons.
     """
 
     incident: Incident
     number: int
     pattern: Pattern
     flight: Flight
+    particles: Particles
+
+    @property
+    def craft(self) -> Drone:
+        """What the drone can do."""
+        return self.incident.craft[self.number]
 
     # The flight.
 
@@ -80,7 +88,7 @@ class Order:
     @property
     def reserve(self) -> float:
         """The seconds of the endurance that are left at the landing."""
-        return self.incident.endurance - float(self._seconds[-1])
+        return self.craft.endurance - float(self._seconds[-1])
 
     # The box.
 
@@ -116,7 +124,8 @@ class Order:
         area = float(np.prod(high - low + self.pattern.spacing))
         if self.pattern.kind == SECTOR:
             area = math.pi * self.pattern.length**2
-        return self.incident.swath * float(self._lengths.sum()) / area
+        swath = self.particles.mean_of(self.craft.swath)
+        return swath * float(self._lengths.sum()) / area
 
     def contains(self, points: Floats, seconds: float) -> Flags:
         """Which points, (east, north), (n, 2), are in the box at some seconds after take-off."""
@@ -129,17 +138,17 @@ class Order:
         is_within: Flags = (beside >= low - half) & (beside <= high + half)
         return is_within[:, 0] & is_within[:, 1]
 
-    def found(self, particles: Particles, missed: Floats) -> tuple[float, float]:
+    def found(self, missed: Floats) -> tuple[float, float]:
         """The probability of containment, POC, and of detection in the box, POD.
 
         Args:
-            particles: possible persons.
-            missed: the probability that this drone misses each of them.
+            missed: the probability that this drone misses each of the possible persons.
 
         Returns:
             The share of persons in the box half-way through its search, and the share of those
             that the drone finds.
         """
+        particles = self.particles
         half_way = float(self._seconds[1] + self._seconds[-2]) / 2
         since = (self.flight[0].time - self.incident.began).total_seconds()
         inside = self.contains(particles.at(since + half_way), half_way)
@@ -162,7 +171,7 @@ class Order:
         is_sector = self.pattern.kind == SECTOR
         corners = dict(enumerate(self.corners))
         return {
-            "drone": f"{self.number + 1}",
+            "drone": self.craft.name,
             "pattern": self.pattern.kind,
             "commence search point": radioed((scene.latitude, scene.longitude)),
             "corner": corners.get(0, ""),
@@ -178,7 +187,7 @@ class Order:
             "creep": self._creep,
             "first turn": "starboard" if self.pattern.side > 0 else "port",
             "moving": self._moving,
-            "height": f"{first.altitude:.0f} m",
+            "height": "" if self.craft.is_boat else f"{first.altitude:.0f} m",
             "take-off": f"{up_to_the_minute(first.time):%H:%M}",
             "on scene": f"{up_to_the_minute(scene.time):%H:%M}",
             "leave": f"{down_to_the_minute(leaving):%H:%M}",
@@ -226,7 +235,7 @@ class Order:
     def _nose(self) -> str:
         """Where the nose points on the first leg, if the wind makes that differ from the track."""
         scene, after_scene = self.flight[1:3]
-        drone = drone_of(self.incident, self.number)
+        drone = drone_in_wind(self.incident, self.number)
         begin, end = track([scene, after_scene], self.incident.plane)
         seconds = (after_scene.time - scene.time).total_seconds()
         wind = drone.wind(self._seconds[1:2] + seconds / 2, (begin + end)[:, None] / 2)
@@ -262,7 +271,7 @@ def read_aloud(order: dict[str, str]) -> str:
             parts.append(text)
         elif text and name != "drone":
             parts.append(f"{name} {text}")
-    return f"Drone {order['drone']}: {', '.join(parts)}."
+    return f"{', '.join(parts)}."
 
 
 def _degrees(angle: float) -> str:

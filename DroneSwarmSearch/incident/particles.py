@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from datetime import timedelta
 from functools import cached_property
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Singles
 from DroneSwarmSearch.geo.flows import Flow
 from DroneSwarmSearch.geo.scale import Scale
+from DroneSwarmSearch.incident.by_class import ByClass, of_classes
 from DroneSwarmSearch.incident.coast import ON_A_LAKE, Coast
 from DroneSwarmSearch.incident.flights import legs_of
 from DroneSwarmSearch.incident.hypothesis import Hypothesis
@@ -32,6 +35,16 @@ MOST_CANDIDATES = 1000  # positions that are drawn at a time in place of those o
 MOST_IN_VAIN = 100  # times that they are all on land
 
 
+class Searcher(Protocol):
+    """A drone, or a flight that was flown."""
+
+    @property
+    def swath(self) -> ByClass: ...
+
+    @property
+    def probability_of_detection(self) -> ByClass: ...
+
+
 @dataclass(frozen=True, eq=False)
 class Particles:
     """Where possible persons are at regular times.
@@ -45,7 +58,8 @@ class Particles:
         weights: how likely each one is: float64, (n,); they sum to 1.
         begun: when each one begins to drift, in seconds: float64, (n,). Before, nobody can find it.
         hypotheses: the number of the hypothesis of each one: (n,).
-        kinds: the number of its object class, see `Incident.object_classes`: (n,).
+        kinds: the number of the object class of each one: (n,).
+        classes: the object classes; none of tracks.
         ashore: the share of those who have stranded at the last time.
         found: the share of those whom earlier flights would have found, and who weigh less for it.
     """
@@ -57,6 +71,7 @@ class Particles:
     begun: Floats
     hypotheses: Ints
     kinds: Ints
+    classes: tuple[str, ...] = ()
     ashore: float = 0.0
     found: float = 0.0
 
@@ -94,26 +109,27 @@ class Particles:
 
     # Flights.
 
-    def sweeps(self, legs: Floats, swath: float) -> tuple[Ints, Floats]:
+    def sweeps(self, legs: Floats, swath: ByClass) -> tuple[Ints, Floats]:
         """The particles that drones sweep: they come abeam of a leg, within half the swath.
 
         Args:
             legs: time, east and north of the beginnings and of the ends: float64, (n, 2, 3).
-            swath: the width of the strip.
+            swath: the width of the strip, perhaps by object class.
 
         Returns:
             The index of a particle and the time in seconds, for each sweep: (m,) each.
         """
         moving = np.any(legs[:, 0, 1:] != legs[:, 1, 1:], axis=1)
         lines = _Legs.of(legs[moving])
-        half = swath / 2
+        half = self.of_each(swath) / 2
 
         # First, which ones may be passed, from where they are half-way.
         row = self.rows((lines.begin + lines.end) / 2)
         leg = np.arange(len(lines.length))[:, None]
         east, north = self.positions
         along, across = lines.beside(leg, east[row], north[row])
-        reach = (half + self.fastest * (lines.end - lines.begin) / 2).astype(np.float32)[:, None]
+        drifting = self.fastest * (lines.end - lines.begin) / 2
+        reach = (half + drifting[:, None]).astype(np.float32)
         middle = (lines.length / 2).astype(np.float32)[:, None]
         is_near = (np.abs(across) < reach) & (np.abs(along - middle) < middle + reach)
         leg, who = np.nonzero(is_near)
@@ -124,20 +140,37 @@ class Particles:
         when = np.clip(begin + along[leg, who] / speed, begin, lines.end[leg])
         row = self.rows(when)
         along, across = lines.beside(leg, east[row, who], north[row, who])
-        is_swept = (np.abs(across) <= half) & (along >= 0) & (along < lines.length[leg])
+        is_swept = (np.abs(across) <= half[who]) & (along >= 0) & (along < lines.length[leg])
         is_swept &= when >= self.begun[who]
         return who[is_swept], begin[is_swept] + along[is_swept] / speed[is_swept]
 
-    def missed(self, legs: Floats, swath: float, detection: float) -> Floats:
+    def missed(self, legs: Floats, searcher: Searcher) -> Floats:
         """The probability that flights miss each particle, if it is where it is: float64, (n,)."""
-        swept, _ = self.sweeps(legs, swath)
-        return self.missed_after(swept, detection)
+        swept, _ = self.sweeps(legs, searcher.swath)
+        return self.missed_after(swept, searcher.probability_of_detection)
 
-    def missed_after(self, swept: Ints, detection: float) -> Floats:
+    def missed_after(self, swept: Ints, detection: ByClass) -> Floats:
         """The same, given the particles of `sweeps`."""
         times = np.bincount(swept, minlength=len(self.weights))
-        missed: Floats = (1.0 - detection) ** times.astype(np.float64)
+        missed: Floats = (1.0 - self.of_each(detection)) ** times.astype(np.float64)
         return missed
+
+    def of_each(self, value: ByClass) -> Floats:
+        """A value that may differ by object class, for each particle: float64, (n,)."""
+        values: Floats = of_classes(value, self.classes)[self.kinds]
+        return values
+
+    def usual_of(self, value: ByClass) -> float:
+        """The geometric mean of such a value over all particles."""
+        if isinstance(value, float):
+            return value
+        return math.exp(self.weights @ np.log(self.of_each(value)))
+
+    def mean_of(self, value: ByClass) -> float:
+        """The mean of such a value over all particles."""
+        if isinstance(value, float):
+            return value
+        return float(self.weights @ self.of_each(value))
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +227,8 @@ def simulate(incident: Incident, n: int, seed: int, longer: float = 0.0) -> Part
     """
     starts = [incident.start, *(flight.waypoints[0].time for flight in incident.flown)]
     begin = max(incident.seconds(min(starts)), 0.0)  # before the report, there are no particles
-    duration = incident.seconds(incident.start) + incident.endurance + longer - begin
+    last = max(each.take_off + timedelta(seconds=each.endurance) for each in incident.craft)
+    duration = incident.seconds(last) + longer - begin
     step = max(SHORTEST_STEP, duration / MOST_STEPS)
     count = math.ceil(duration / step) + 1
     times = begin + step * np.arange(count, dtype=np.float64)
@@ -207,7 +241,7 @@ def simulate(incident: Incident, n: int, seed: int, longer: float = 0.0) -> Part
     missed = np.ones_like(cloud.weights)
     for flight in incident.flown:
         legs = legs_of(flight.waypoints, incident.plane, incident.began)
-        missed *= cloud.missed(legs, flight.swath, flight.probability_of_detection)
+        missed *= cloud.missed(legs, flight)
     weights = cloud.weights * missed
     found = float(cloud.weights @ (1.0 - missed))
     return replace(cloud, weights=weights / weights.sum(), found=found)
@@ -371,6 +405,7 @@ class _Drifting:
             begun=self._begun,
             hypotheses=self._hypotheses,
             kinds=self._kinds,
+            classes=self._incident.object_classes,
             ashore=float(ashore.mean()),
         )
 

@@ -24,7 +24,7 @@ from DroneSwarmSearch.incident.choice import (
     refusal,
 )
 from DroneSwarmSearch.incident.coast import Coast
-from DroneSwarmSearch.incident.drone import Drone
+from DroneSwarmSearch.incident.drone import DroneInWind
 from DroneSwarmSearch.incident.families import Area, Boxes, FreePatterns, Shape
 from DroneSwarmSearch.incident.flight_plan import Alternative, Delay, FlightPlan
 from DroneSwarmSearch.incident.flights import Flight, Waypoint, least_distance
@@ -171,8 +171,9 @@ def alternatives(made: FlightPlan) -> Iterator[Alternative]:
     incident = made.incident
     # With the same random numbers as the alternatives.
     same = replace(made, particles=simulate(incident, MANY, 2))
-    yield _alternative("One more drone", same, drones=incident.drones + 1)
-    yield _alternative("Half an hour more", same, endurance=incident.endurance + 1800)
+    if not incident.fleet:
+        yield _alternative("One more drone", same, drones=incident.drones + 1)
+        yield _alternative("Half an hour more", same, endurance=incident.endurance + 1800)
     stronger = incident.wind.stronger(5 * KNOT)
     # Another wind would also have moved those whom earlier flights looked for.
     if stronger is not None and incident.tracks is None and not incident.flown:
@@ -236,19 +237,19 @@ def _delays(made: FlightPlan) -> tuple[Delay, ...]:
             break
         except ValueError:  # tracks or forecasts end earlier
             delays.pop()
-    legs = made.legs
     found = []
     for delay in delays:
-        shifted = legs + [delay.total_seconds(), 0.0, 0.0]
-        missed = later.missed(shifted, incident.swath, incident.probability_of_detection)
-        found.append(float(later.weights @ (1.0 - missed)))
+        left = later.weights
+        for drone, legs in zip(incident.craft, made.legs, strict=True):
+            left = left * later.missed(legs + [delay.total_seconds(), 0.0, 0.0], drone)
+        found.append(1.0 - float(left.sum()))
     return tuple(
         Delay(minutes=round(delay.total_seconds() / 60), points=100 * (success - found[0]))
         for delay, success in zip(delays, found, strict=True)
     )
 
 
-def begun_at_sea(pattern: Pattern, drone: Drone, coast: Coast) -> Pattern:
+def begun_at_sea(pattern: Pattern, drone: DroneInWind, coast: Coast) -> Pattern:
     """The pattern without its beginning, as far as that is over land when the drone comes there.
 
     The commence search point is then at sea, also as it is read over the radio, in tenths of a
@@ -278,7 +279,7 @@ def begun_at_sea(pattern: Pattern, drone: Drone, coast: Coast) -> Pattern:
 
 
 def _kept_apart(
-    incident: Incident, drone: Drone, pattern: Pattern, others: Sequence[Flight]
+    incident: Incident, drone: DroneInWind, pattern: Pattern, others: Sequence[Flight]
 ) -> tuple[Pattern, list[Waypoint]]:
     """The flight of a drone, delayed by minutes if another one at its height comes too near.
 
@@ -304,7 +305,7 @@ def _kept_apart(
     return chosen
 
 
-def _waypoints(incident: Incident, drone: Drone, flown: Floats) -> list[Waypoint]:
+def _waypoints(incident: Incident, drone: DroneInWind, flown: Floats) -> list[Waypoint]:
     """The waypoints of what `Drone.fly` returns."""
     points: Floats = incident.plane.degrees(flown[:, 1:])
     last = len(flown) - 1

@@ -12,11 +12,13 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.text import plural
 from DroneSwarmSearch.geo.flows import Flow, Origin, Series
 from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.geo.times import near
 from DroneSwarmSearch.geo.typed_flows import read_flow
-from DroneSwarmSearch.incident.drone import drone_of
+from DroneSwarmSearch.incident.drone import drone_in_wind
+from DroneSwarmSearch.incident.fleet import Drone
 from DroneSwarmSearch.incident.flights import (
     Flight,
     FlownFlight,
@@ -71,12 +73,15 @@ def after(
     known = [name for name in known if name not in ("start", "flown")]
     checks.known_keys("changes", changes, known)
     flights = _named_flights(flown)
-    _check_flyable(incident, flights)
+    numbers = _drones(incident, flights)
+    _check_flyable(incident, flights, numbers)
     new = [
-        FlownFlight(tuple(flight.waypoints), incident.swath, incident.probability_of_detection)
-        for flight in flights
+        FlownFlight(tuple(flight.waypoints), drone.swath, drone.probability_of_detection)
+        for flight, drone in zip(flights, map(incident.craft.__getitem__, numbers), strict=True)
     ]
     values = {**changes, "flown": (*incident.flown, *new)}
+    if incident.fleet and "fleet" not in changes:  # they take off again
+        values["fleet"] = tuple(drone.landed() for drone in incident.fleet)
     landed = max(flight.landing for flight in values["flown"])
     time, latest = incident.times_with(changes)
     start = max(landed + SORTIES_APART, latest)
@@ -94,9 +99,24 @@ def _named_flights(flown: Flown | str | os.PathLike[str]) -> list[NamedFlight]:
     if isinstance(flown, (str, os.PathLike)):
         return read_flights(flown)
     return [
-        NamedFlight([f"drone {drone}, waypoint {row}" for row in range(len(flight))], list(flight))
+        NamedFlight(
+            [f"drone {drone}, waypoint {row}" for row in range(len(flight))], list(flight), drone
+        )
         for drone, flight in enumerate(flown.flights, 1)
     ]
+
+
+def _drones(incident: Incident, flights: Sequence[NamedFlight]) -> list[int]:
+    """Which drone of an incident made each flight, counted from 0; files count from 0 or 1."""
+    first = min(flight.drone for flight in flights)
+    numbers = [flight.drone - min(first, 1) for flight in flights]
+    count = len(incident.craft)
+    if max(numbers) >= count and len(set(incident.craft)) > 1:
+        raise ValueError(
+            f"{flights[-1].names[0]}: the fleet has {plural(count, 'drone')}, got drone "
+            f"{flights[-1].drone}"
+        )
+    return [min(number, count - 1) for number in numbers]
 
 
 def _next_flow(name: str, earlier: Flow, later: Any, landed: datetime, time: datetime) -> Flow:
@@ -129,27 +149,30 @@ class _Limits:
 
     Attributes:
         incident: its wind counts.
+        drone: which flew.
         base: a plane that touches the earth where drones take off.
-        strength: the wind at the height of the highest drone, divided by that at 10 m.
+        strength: the wind at the height of the drone, divided by that at 10 m.
         reach: the largest distance from the base in metres.
     """
 
     incident: Incident
+    drone: Drone
     base: TangentPlane
     strength: float
     reach: float
 
     @classmethod
-    def of(cls, incident: Incident) -> _Limits:
-        highest = int(np.argmax(incident.heights))
-        strength = drone_of(incident, highest).wind_factor
-        here = cls(incident, TangentPlane(*incident.base), strength, reach=0.0)
+    def of(cls, incident: Incident, number: int) -> _Limits:
+        flying = drone_in_wind(incident, number)
+        drone = flying.craft
+        base = TangentPlane(*drone.base)
+        here = cls(incident, drone, base, flying.wind_factor, reach=0.0)
         middle = np.zeros((2, 1))
         strongest = max(
             here.wind(incident.start, middle),
             here.wind(incident.began, middle),
         )
-        reach = FASTER * (incident.speed + strongest) * incident.endurance
+        reach = FASTER * (drone.speed + drone.base_speed + strongest) * drone.endurance
         return replace(here, reach=min(reach, FARTHEST))
 
     def wind(self, time: datetime, point: Floats) -> float:
@@ -163,7 +186,7 @@ class _Limits:
         first = self.incident.began
         last = self.incident.start + LONGEST_DRIFT
         points = track(flight.waypoints, self.incident.plane)
-        for row, (name, waypoint) in enumerate(zip(*flight, strict=True)):
+        for row, (name, waypoint) in enumerate(zip(flight.names, flight.waypoints, strict=True)):
             if not first <= waypoint.time <= last:
                 raise ValueError(
                     f"{name}: times must be from {first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} "
@@ -182,7 +205,7 @@ class _Limits:
             seconds = (waypoint.time - flight.waypoints[row - 1].time).total_seconds()
             speed = float(np.hypot(*(points[row] - points[row - 1]))) / seconds
             blows = self.wind(waypoint.time, points[row][:, None])
-            fastest = FASTER * (self.incident.speed + blows)
+            fastest = FASTER * (self.drone.speed + blows)
             if not speed <= fastest:
                 raise ValueError(
                     f"{name}: drones can make at most {fastest:.0f} m/s, {FASTER:g} times the "
@@ -190,9 +213,10 @@ class _Limits:
                 )
 
 
-def _check_flyable(incident: Incident, flights: Sequence[NamedFlight]) -> None:
+def _check_flyable(
+    incident: Incident, flights: Sequence[NamedFlight], numbers: Sequence[int]
+) -> None:
     """Raise a ValueError if the drones of an incident cannot have flown so."""
-    limits = _Limits.of(incident)
-    for flight in flights:
+    for number, flight in zip(numbers, flights, strict=True):
         check_order(flight.names, flight.waypoints)
-        limits.check(flight)
+        _Limits.of(incident, number).check(flight)

@@ -38,6 +38,8 @@ NAMES_WIDTH = 85
 FEWEST_COLUMNS = 3
 TEXT_BOTTOM = 16
 LINE_HEIGHT = 9.7
+FONT_SIZES = (7.5, 7.0, 6.5, 6.0, 5.5)  # of the assumptions, the first one that fits
+CHARACTERS = 1012  # of a size of 1 in a line
 
 PER_SHEET = 6
 """The most drones whose flights are told apart on a sheet; more are drawn on further sheets."""
@@ -101,9 +103,13 @@ def draw(plan: FlightPlan, drones: Sequence[int]) -> Figure:
     sheet.draw_flights()
     sheet.draw_legend()
     sheet.draw_title()
-    _draw_table(figure, plan, drones)
-    assumptions = _wrapped(" ".join([*plan.briefing, *plan.assumptions]), 135)
-    figure.text(LEFT / PAGE[0], TEXT_BOTTOM / PAGE[1], assumptions, va="bottom", fontsize=7.5)
+    room = _draw_table(figure, plan, drones) - TEXT_BOTTOM
+    words = " ".join([*plan.briefing, *plan.assumptions])
+    for size in FONT_SIZES:
+        text = _wrapped(words, round(CHARACTERS / size))
+        if (text.count("\n") + 1) * LINE_HEIGHT * size / FONT_SIZES[0] <= room:
+            break
+    figure.text(LEFT / PAGE[0], TEXT_BOTTOM / PAGE[1], text, va="bottom", fontsize=size)
     return figure
 
 
@@ -155,7 +161,8 @@ class _Sheet:
         self._means: list[Floats] = []  # of the positions, at the start and at the end
         self._corners: list[Floats] = []  # of what must be on the map
         self.points = [mark for mark in self._incident.marks if len(mark.points) == 1]
-        self.base = self._incident.plane.metres(*self._incident.base)
+        first = self._plan.flights[0][0]
+        self.base = self._incident.plane.metres(first.latitude, first.longitude)
         self.marked = [self.base, *(mark.points[0] for mark in self.points)]
 
     # What is on the map.
@@ -346,6 +353,10 @@ class _Sheet:
             self._draw_track(flight)
             self._draw_minutes(flight, step)
 
+    def _swath(self, flight: _DrawnFlight) -> float:
+        """The width of the strip that a drone sees, in metres; the mean of all object classes."""
+        return self._plan.particles.mean_of(self._incident.craft[flight.drone].swath)
+
     def _draw_track(self, flight: _DrawnFlight) -> None:
         """The strip that a drone sees, its track with arrows, and its number."""
         from matplotlib.patheffects import Normal, Stroke
@@ -359,7 +370,7 @@ class _Sheet:
             *flight.pattern.T,
             color=colour,
             alpha=0.3,
-            linewidth=self._incident.swath / self.point,
+            linewidth=self._swath(flight) / self.point,
             solid_capstyle="butt",
             zorder=2,
         )
@@ -368,12 +379,13 @@ class _Sheet:
         axes.plot(
             *flight.pattern.T,
             linestyle=(0, DASHES[flight.drone % len(DASHES)]),
-            label=f"drone {flight.drone + 1}",
+            label=self._incident.craft[flight.drone].label,
             color=colour,
             linewidth=1.2,
             path_effects=[Stroke(linewidth=2.4, foreground=ink), Normal()],
         )
-        apart = 60 * self.point / self._incident.speed / 60  # minutes between heads of arrows
+        speed = self._incident.craft[flight.drone].speed
+        apart = self.point / speed  # minutes between heads of arrows, 60 points apart
         for minute in np.arange(flight.minutes[1] + apart / 2, flight.minutes[-2], apart):
             tail, tip = flight.at([minute - apart / 20, minute + apart / 20])
             axes.annotate("", tip, tail, arrowprops={**HEAD, "color": ink})
@@ -441,8 +453,11 @@ def _set_ticks(axis: Any, metres: tuple[float, float], ends: Floats, letters: st
     axis.set_ticks(np.interp(minutes, ends, metres), names)
 
 
-def _draw_table(figure: Figure, plan: FlightPlan, drones: Sequence[int]) -> None:
-    """The orders: a column for each drone, a row for each value that any of them has."""
+def _draw_table(figure: Figure, plan: FlightPlan, drones: Sequence[int]) -> float:
+    """The orders: a column for each drone, a row for each value that any of them has.
+
+    Returns where the table ends, in points.
+    """
     orders = [plan.order(drone) for drone in drones]
     names = [name for name in orders[0] if any(order[name] for order in orders)]
     axes = figure.add_axes((0, 0, 1, 1), xlim=(0, PAGE[0]), ylim=(0, PAGE[1]), facecolor="none")
@@ -460,6 +475,7 @@ def _draw_table(figure: Figure, plan: FlightPlan, drones: Sequence[int]) -> None
         for column, order in enumerate(orders):
             x = LEFT + NAMES_WIDTH + column * width
             axes.text(x, y, order[name], **look)
+    return TABLE_TOP - len(names) * ROW_HEIGHT
 
 
 def _wrapped(text: str, width: int) -> str:

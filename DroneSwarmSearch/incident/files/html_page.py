@@ -96,9 +96,6 @@ def _data(plan: FlightPlan) -> dict[str, Any]:
         "meridians": _round_lines(plan, low, high, axis=0),
         "land": [[outline.round(0).tolist() for outline in polygon] for polygon in polygons],
         "marks": [mark.points.round(1).tolist() for mark in incident.marks],
-        "base": incident.plane.metres(*incident.base).round(1).tolist(),
-        "swath": incident.swath,
-        "detection": incident.probability_of_detection,
         "flights": [_flight(plan, drone) for drone in range(len(plan.flights))],
         "persons": _persons(plan, duration),
         "success": {"step": SUCCESS_STEP, "values": _success(plan, duration)},
@@ -108,8 +105,12 @@ def _data(plan: FlightPlan) -> dict[str, Any]:
 def _flight(plan: FlightPlan, drone: int) -> dict[str, Any]:
     flight = plan.flights[drone]
     start = plan.incident.start
+    craft = plan.incident.craft[drone]
+    mean_of = plan.particles.mean_of
     return {
         "number": drone + 1,
+        "swath": round(mean_of(craft.swath), 1),
+        "detection": round(mean_of(craft.probability_of_detection), 3),
         "colour": list(drone_colour(drone)),
         "times": [round((point.time - start).total_seconds(), 1) for point in flight],
         "points": track(flight, plan.incident.plane).round(1).tolist(),
@@ -126,12 +127,12 @@ def _persons(plan: FlightPlan, duration: float) -> dict[str, Any]:
     times = np.arange(0.0, duration + STEP, STEP)
     positions = np.stack([particles.at(begin + time)[chosen] for time in times])
     unit = max(1.0, float(np.abs(positions).max()) / LARGEST)
-    swept, when = plan.sweeps
     shown: dict[int, list[int]] = {}
     for number, particle in enumerate(chosen.tolist()):
         shown.setdefault(particle, []).append(number)
-    pairs = [
-        (number, round(time - begin))
+    triples = [
+        (number, round(time - begin), drone)
+        for drone, (swept, when) in enumerate(plan.sweeps)
         for particle, time in zip(swept.tolist(), when.tolist(), strict=True)
         for number in shown.get(particle, ())
     ]
@@ -140,8 +141,9 @@ def _persons(plan: FlightPlan, duration: float) -> dict[str, Any]:
         "step": STEP,
         "unit": unit,
         "positions": base64.b64encode((positions / unit).astype("<i2").tobytes()).decode(),
-        "swept": [number for number, _ in pairs],
-        "when": [time for _, time in pairs],
+        "swept": [number for number, _, _ in triples],
+        "when": [time for _, time, _ in triples],
+        "by": [drone for _, _, drone in triples],
     }
 
 

@@ -67,7 +67,7 @@ def kml(plan: FlightPlan, overlays: list[Overlay]) -> bytes:
         kind = "Point" if len(line) == 1 else "LineString"
         add(document, "Placemark", name=mark.name, **{kind: _shape(line, 0)})
     for drone, (flight, order) in enumerate(zip(plan.flights, plan.orders, strict=True), 1):
-        folder = add(document, "Folder", name=f"drone {drone}")
+        folder = add(document, "Folder", name=plan.incident.craft[drone - 1].label)
         _add_flight(folder, drone, flight, order)
     return as_bytes(root)
 

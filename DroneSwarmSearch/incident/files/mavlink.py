@@ -14,10 +14,10 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.extras import needed
-from DroneSwarmSearch.incident.drone import drone_of
+from DroneSwarmSearch.incident.drone import drone_in_wind
+from DroneSwarmSearch.incident.fleet import PLANE
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 from DroneSwarmSearch.incident.flights import Waypoint, track
-from DroneSwarmSearch.incident.incident import PLANE
 
 # Commands of MAVLink.
 WAYPOINT = 16
@@ -66,7 +66,7 @@ def items_of(plan: FlightPlan, drone: int) -> list[Item]:
     A plane flies at its airspeed. A copter holds the speed over the ground that the plan has
     computed for each leg. Each comes home at its own height, and lands.
     """
-    if plan.incident.aircraft == PLANE:
+    if plan.incident.craft[drone].aircraft == PLANE:
         return _plane_items(plan, drone)
     return _copter_items(plan, drone)
 
@@ -81,6 +81,8 @@ def _copter_items(plan: FlightPlan, drone: int) -> list[Item]:
             items.append(_speed(GROUND_SPEED, rounded))
             set_speed = rounded
         items.append(_at(WAYPOINT, waypoint))
+    if plan.incident.craft[drone].base_speed:  # its ship is no longer where it took off
+        return [*items, _at(LAND, flight[-1]._replace(altitude=0.0))]
     return [*items, Item(RETURN, MISSION, [0] * 7)]
 
 
@@ -91,7 +93,7 @@ def _plane_items(plan: FlightPlan, drone: int) -> list[Item]:
     loiter = home._replace(latitude=latitude, longitude=longitude, altitude=LOITER_HEIGHT)
     return [
         _at(TAKE_OFF, flight[0], PITCH),
-        _speed(AIRSPEED, plan.incident.speed),
+        _speed(AIRSPEED, plan.incident.craft[drone].speed),
         *(_at(WAYPOINT, waypoint) for waypoint in flight[1:]),
         Item(LANDING_BEGINS, MISSION, [0] * 7),
         _at(LOITER_TO_ALTITUDE, loiter, 1, LOITER_RADIUS, 0, 1),
@@ -102,15 +104,17 @@ def _plane_items(plan: FlightPlan, drone: int) -> list[Item]:
 def _loiter(plan: FlightPlan, drone: int) -> tuple[float, float]:
     """Where a plane loiters down: downwind of its base, beside other planes; in degrees."""
     incident = plan.incident
-    flying = drone_of(incident, drone)
-    landing = np.array([(plan.flights[drone][-1].time - incident.start).total_seconds()])
-    wind = flying.wind(landing, flying.base[:, None])[:, 0]
+    flying = drone_in_wind(incident, drone)
+    flight = plan.flights[drone]
+    landing = np.array([(flight[-1].time - flight[0].time).total_seconds()])
+    base = flying.base_at(landing)
+    wind = flying.wind(landing, base)[:, 0]
     speed = math.hypot(*wind)
     downwind = wind / speed if speed > 0 else np.array([0.0, 1.0])
     aside = downwind[::-1] * [1, -1]
     count = min(len(plan.flights), LOITERS)
     lane = drone % LOITERS - (count - 1) / 2
-    metres = flying.base + APPROACH * downwind + LOITERS_APART * lane * aside
+    metres = base[:, 0] + APPROACH * downwind + LOITERS_APART * lane * aside
     latitude, longitude = incident.plane.degrees(metres[None])[0].tolist()
     return latitude, longitude
 
@@ -143,14 +147,14 @@ def plain_text(plan: FlightPlan, drone: int, items: list[Item]) -> str:
 
 def qgroundcontrol(plan: FlightPlan, drone: int, items: list[Item]) -> str:
     """The mission for QGroundControl, with a fence around all ways."""
-    incident = plan.incident
+    craft = plan.incident.craft[drone]
     mission = {
         "version": 2,
         "firmwareType": ARDUPILOT,
-        "vehicleType": FIXED_WING if incident.aircraft == PLANE else QUADROTOR,
+        "vehicleType": FIXED_WING if craft.aircraft == PLANE else QUADROTOR,
         "globalPlanAltitudeMode": 1,
-        "cruiseSpeed": incident.speed,
-        "hoverSpeed": incident.speed,
+        "cruiseSpeed": craft.speed,
+        "hoverSpeed": craft.speed,
         "plannedHomePosition": _base(plan, drone),
         "items": [_simple_item(number, item) for number, item in enumerate(items, 1)],
     }

@@ -55,7 +55,7 @@ def _template(plan: FlightPlan, drone: int) -> ET.Element:
             "coordinateMode": "WGS84",
             "heightMode": "relativeToStartPoint",
         },
-        autoFlightSpeed=f"{_fastest(plan):g}",
+        autoFlightSpeed=f"{_fastest(plan, drone):g}",
         globalHeight=f"{flight[0].altitude:g}",
         gimbalPitchMode="manual",
         globalWaypointHeadingParam=_heading(),
@@ -92,7 +92,7 @@ def _waylines(plan: FlightPlan, drone: int) -> ET.Element:
         waylineId=0,
         distance=f"{lengths(plan, flight[1:]).sum():.0f}",
         duration=f"{seconds:.0f}",
-        autoFlightSpeed=f"{_fastest(plan):g}",
+        autoFlightSpeed=f"{_fastest(plan, drone):g}",
     )
     for index, speed in enumerate(_speeds(plan, drone)):
         placemark = _placemark(plan, drone, index)
@@ -133,9 +133,10 @@ def _configuration(plan: FlightPlan, drone: int) -> ET.Element:
     return configuration
 
 
-def _fastest(plan: FlightPlan) -> float:
+def _fastest(plan: FlightPlan, drone: int) -> float:
     """The speed where no other one is given."""
-    return min(plan.incident.speed, plan.incident.fastest_over_ground)
+    craft = plan.incident.craft[drone]
+    return min(craft.speed, craft.fastest_over_ground)
 
 
 def _speeds(plan: FlightPlan, drone: int) -> list[float]:

@@ -27,10 +27,11 @@ function unpacked(text) {
 }
 
 const cloud = unpacked(plan.persons.positions);  // [time][person][axis], in units
-const sweeps = new Map();  // person -> the times at which drones sweep them
+const sweeps = new Map();  // person -> when drones sweep them, and how likely they miss them
 plan.persons.swept.forEach((person, index) => {
   if (!sweeps.has(person)) sweeps.set(person, []);
-  sweeps.get(person).push(plan.persons.when[index]);
+  const detection = plan.flights[plan.persons.by[index]].detection;
+  sweeps.get(person).push({ time: plan.persons.when[index], missed: 1 - detection });
 });
 
 /** Where a person is at a time: (east, north) in metres. */
@@ -47,8 +48,8 @@ function personAt(person, seconds) {
 
 /** The probability that a person has not been detected by a time. */
 function missed(person, seconds) {
-  const times = sweeps.get(person) ?? [];
-  return (1 - plan.detection) ** times.filter(time => time <= seconds).length;
+  const swept = sweeps.get(person) ?? [];
+  return swept.filter(each => each.time <= seconds).reduce((left, each) => left * each.missed, 1);
 }
 
 /** Where a drone is at a time; null before its take-off and after its landing. */
@@ -167,7 +168,7 @@ function drawSearched(context, flight, at, scale) {
   context.lineCap = "butt";
   line(context, pixels.slice(1));
   context.strokeStyle = `rgb(${red} ${green} ${blue} / 0.2)`;
-  context.lineWidth = Math.max(plan.swath * scale, 2);
+  context.lineWidth = Math.max(flight.swath * scale, 2);
   context.stroke();
   line(context, pixels);
   context.strokeStyle = colour("--ink");
@@ -200,13 +201,15 @@ function drawMarks(context, at) {
     context.lineTo(x, y + 10);
     context.stroke();
   }
-  const [left, top] = at(plan.base);
-  context.strokeRect(left - 9, top - 9, 18, 18);
+  for (const flight of plan.flights) {
+    const [left, top] = at(flight.points[0]);
+    context.strokeRect(left - 9, top - 9, 18, 18);
+  }
 }
 
 function drawDrone(context, flight, at) {
   const flying = droneAt(flight, now);
-  const [x, y] = at(flying?.position ?? plan.base);
+  const [x, y] = at(flying?.position ?? flight.points[0]);
   if (!flying && now > 0) return;
   const [red, green, blue] = flight.colour;
   context.beginPath();
