@@ -1,6 +1,7 @@
 """What was flown stays as it was flown, and flights that cannot be are refused."""
 
 import csv
+import math
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
@@ -11,6 +12,8 @@ import pytest
 
 from DroneSwarmSearch.incident import FlownFlight, Incident, Waypoint, after, simulate
 from DroneSwarmSearch.incident import plan as plan_flights
+from DroneSwarmSearch.incident import write as write_plan
+from DroneSwarmSearch.incident.flights import least_distance
 
 pytest.importorskip("cmaes")
 
@@ -261,3 +264,75 @@ def test_the_next_take_off(flown):
         after(incident, flown, "06:35Z")
     with pytest.raises(TypeError, match=r"changes has the parameters .* got 'swat'; did you mean"):
         after(incident, flown, swat=60)
+
+
+def crew(**more):
+    known = {**KNOWN, "coast": "none", "drones": 3, "endurance": "40 min"}
+    return Incident(**known, **more)
+
+
+@pytest.fixture(scope="module")
+def sortie():
+    return plan_flights(crew(), seconds=1)
+
+
+def test_a_flight_that_was_broken_off_counts_to_that_time(sortie):
+    whole = after(sortie.incident, sortie)
+    middle = sortie.incident.start + timedelta(minutes=15)
+    cut = after(sortie.incident, sortie, broke_off={2: middle, "3": f"{middle:%H:%M}Z"})
+    assert [flight.landing for flight in cut.flown[1:]] == [middle, middle]
+    assert cut.flown[0] == whole.flown[0]
+    credits = [simulate(incident, 10_000, 0) for incident in (whole, cut)]
+    assert credits[1].found < credits[0].found - 0.02
+    assert credits[1].worth[0] == pytest.approx(credits[0].worth[0], abs=1e-3)
+    assert math.fsum(credits[1].worth) == pytest.approx(credits[1].found)
+
+
+@pytest.mark.parametrize(
+    ("broke_off", "message"),
+    [
+        ({4: "07:00Z"}, "broke_off must name drones that have flown, 1, 2, 3, got '4'"),
+        ({1: "05:00Z"}, "broke_off of 1 must be between its take-off, "),
+        ({1: "never"}, "broke_off of 1 must be a time"),
+    ],
+)
+def test_who_broke_off_has_flown(sortie, broke_off, message):
+    with pytest.raises(ValueError, match=message):
+        after(sortie.incident, sortie, broke_off=broke_off)
+
+
+def test_those_who_have_landed_fly_while_others_still_do(sortie):
+    """The first drone breaks off and is free; the flights of the others count as planned."""
+    start = sortie.incident.start
+    home = start + timedelta(minutes=10)
+    early = after(sortie.incident, sortie, start + timedelta(minutes=14), broke_off={1: home})
+    assert [drone.name for drone in early.craft] == ["1"]
+    cloud = simulate(early, 10_000, 0)
+    assert len(cloud.worth) == 3 and min(cloud.worth[1:]) > 0.01
+    made = plan_flights(early, seconds=1)
+    (flight,) = made.flights
+    assert flight[0].time >= start + timedelta(minutes=14)
+    flying = [each.name for each in early.flown if each.landing > early.start]
+    assert flying == ["2", "3"]
+    assert "Still flying, and counted as planned: 2 until " in " ".join(made.earlier)
+    for other in early.flown[1:]:
+        if other.waypoints[0].altitude == flight[0].altitude:
+            assert least_distance(flight, other.waypoints) >= 100
+    with pytest.raises(ValueError, match="start must not be before a drone has landed"):
+        after(sortie.incident, sortie, start + timedelta(minutes=14))
+    with pytest.raises(ValueError, match="start must not be before the landing of flown"):
+        early.changed(fleet=[{"name": "2"}])
+
+
+def test_the_log_has_all_flights_and_what_each_was_worth(sortie, tmp_path):
+    second = plan_flights(after(sortie.incident, sortie), seconds=1)
+    log = second.log
+    assert [(entry.drone, entry.is_planned) for entry in log] == [
+        (name, planned) for planned in (False, True) for name in "123"
+    ]
+    assert sum(entry.worth for entry in log) == pytest.approx(second.cumulative)
+    assert sum(entry.worth for entry in log[:3]) == pytest.approx(second.particles.found)
+    write_plan(second, tmp_path)
+    page = (tmp_path / "log.html").read_text("utf-8")
+    assert page.count("<td>flown</td>") == page.count("<td>planned</td>") == 3
+    assert f"<td>{second.cumulative:.1%}</td>" in page

@@ -82,6 +82,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--coast", "none, or a GeoJSON file with polygons of land (GSHHG)", metavar="FILE")
     add("--incident", "a file incident.json; other options replace its values", metavar="FILE")
     add("--after", "a plan that was flown and found nobody: plan the next one", metavar="DIR")
+    about = "a drone of --after that broke off its search, by name or number, and when: 2 07:10Z"
+    add("--broke-off", about, nargs=2, action="append", metavar=("DRONE", "UTC"), default=[])
     group = parser.add_argument_group("the drones")
     add("--start", "take-off (an hour after --time; with --after, half an hour after landing)")
     add("--drones", "how many (3)", type=int, metavar="N")
@@ -188,7 +190,10 @@ def _incident(options: argparse.Namespace) -> Incident:
         start = given.pop("start", None)
         folder = Path(options.after)
         before = _read(folder / INCIDENT, {})
-        return after(before, folder / "plan.csv", start, **given)
+        broke_off = _broke_off(options.broke_off)
+        return after(before, folder / "plan.csv", start, broke_off=broke_off, **given)
+    if options.broke_off:
+        raise ValueError("--broke-off needs --after, the plan that was flown")
     if options.incident is not None:
         return _read(Path(options.incident), given)
     return Incident(**given)
@@ -201,6 +206,16 @@ def _check_places(options: argparse.Namespace) -> None:
         raise ValueError(
             f"one of --position, --line and --area may be given, got {' and '.join(given)}"
         )
+
+
+def _broke_off(given: list[list[str]]) -> dict[str, str]:
+    """When drones broke off, by their names."""
+    times: dict[str, str] = {}
+    for name, when in given:
+        if name in times:
+            raise ValueError(f"--broke-off must be given once for each drone, got {name} twice")
+        times[name] = when
+    return times
 
 
 def _by_class(name: str, given: list[Any]) -> str:

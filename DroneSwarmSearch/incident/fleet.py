@@ -152,9 +152,9 @@ class Drone:
         """Seconds from its take-off to its landing, at most."""
         return self.endurance - self.reserve
 
-    def landed(self) -> Drone:
-        """The same, which takes off again when the incident says."""
-        return Drone(**{name: value for name, value in self.given().items() if name != "take_off"})
+    def landed(self, name: str) -> Drone:
+        """The same with a name, which takes off again when the incident says."""
+        return Drone(**{**self.given(), "name": name, "take_off": None})
 
     def given(self) -> dict[str, Any]:
         """The values that it has."""

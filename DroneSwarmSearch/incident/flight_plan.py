@@ -15,7 +15,7 @@ from DroneSwarmSearch._internal.arrays import Floats, Ints
 from DroneSwarmSearch._internal.text import capitalised, plural
 from DroneSwarmSearch.geo.coast import NONE, Land
 from DroneSwarmSearch.geo.units import KNOT, radioed
-from DroneSwarmSearch.incident.by_class import in_words
+from DroneSwarmSearch.incident.by_class import ByClass, in_words
 from DroneSwarmSearch.incident.drone import drone_in_wind
 from DroneSwarmSearch.incident.families import Boxes, Shape
 from DroneSwarmSearch.incident.fleet import Drone
@@ -77,6 +77,28 @@ class Part(NamedTuple):
     name: str
     weight: float
     probability_of_success: float
+
+
+class LogEntry(NamedTuple):
+    """A flight of any sortie.
+
+    Attributes:
+        drone: its name.
+        take_off: when it began.
+        landing: when it ended, or when the drone broke off.
+        swath: the strip that the drone saw, in metres.
+        probability_of_detection: of persons in the strip.
+        worth: the share of all persons that it finds, and no flight before it.
+        is_planned: whether it is one of this plan.
+    """
+
+    drone: str
+    take_off: datetime
+    landing: datetime
+    swath: ByClass
+    probability_of_detection: ByClass
+    worth: float
+    is_planned: bool
 
 
 class Delay(NamedTuple):
@@ -360,7 +382,51 @@ class FlightPlan:
             sentences.append(f"Not counted, because flown before {report}: {', '.join(before)}.")
         if during:
             sentences.append(f"Counted only from {report} on: {', '.join(during)}.")
+        flying = [
+            f"{flight.name or number} until {flight.landing:%H:%M}"
+            for number, flight in enumerate(incident.flown, 1)
+            if flight.landing > incident.start
+        ]
+        if flying:
+            sentences.append(f"Still flying, and counted as planned: {', '.join(flying)}.")
         return sentences
+
+    @property
+    def log(self) -> list[LogEntry]:
+        """All flights of all sorties, in the order of their take-offs, and what each was worth."""
+        particles = self.particles
+        entries = [
+            LogEntry(
+                flight.name or f"{number}",
+                flight.take_off,
+                flight.landing,
+                flight.swath,
+                flight.probability_of_detection,
+                worth,
+                is_planned=False,
+            )
+            for number, (flight, worth) in enumerate(
+                zip(self.incident.flown, particles.worth, strict=True), 1
+            )
+        ]
+        left = particles.weights * (1.0 - particles.found)
+        for drone, flight, (swept, _) in zip(
+            self.incident.craft, self.flights, self.sweeps, strict=True
+        ):
+            missed = left * particles.missed_after(swept, drone.probability_of_detection)
+            entries.append(
+                LogEntry(
+                    drone.name,
+                    flight[0].time,
+                    flight[-1].time,
+                    drone.swath,
+                    drone.probability_of_detection,
+                    float((left - missed).sum()),
+                    is_planned=True,
+                )
+            )
+            left = missed
+        return entries
 
     @property
     def assumptions(self) -> list[str]:

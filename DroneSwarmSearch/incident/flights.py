@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -16,6 +16,7 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.files import csv_rows
+from DroneSwarmSearch._internal.text import printable
 from DroneSwarmSearch.geo.plane import TangentPlane
 from DroneSwarmSearch.geo.times import in_utc
 from DroneSwarmSearch.incident.by_class import ByClass, read_by_class
@@ -50,11 +51,13 @@ class FlownFlight:
         waypoints: at least two, in the order of their times.
         swath: the width of the strip that the drone saw, in metres; perhaps by object class.
         probability_of_detection: that it found a person in the strip when it flew past, likewise.
+        name: of the drone.
     """
 
     waypoints: tuple[Waypoint, ...]
     swath: ByClass
     probability_of_detection: ByClass
+    name: str = ""
 
     def __post_init__(self) -> None:
         waypoints = tuple(
@@ -67,9 +70,36 @@ class FlownFlight:
             "waypoints": waypoints,
             "swath": read_by_class("swath", self.swath, checks.positive),
             name: read_by_class(name, self.probability_of_detection, _probability),
+            "name": printable(self.name),
         }
         for field, value in values.items():
             object.__setattr__(self, field, value)
+
+    @property
+    def take_off(self) -> datetime:
+        """When it began."""
+        return self.waypoints[0].time
+
+    def until(self, time: datetime) -> FlownFlight:
+        """The part that was flown until a drone broke off.
+
+        Raises:
+            ValueError: the time is not between take-off and landing.
+        """
+        if not self.take_off < time < self.landing:
+            raise ValueError(
+                f"must be between its take-off, {self.take_off:%H:%M}, and its landing, "
+                f"{self.landing:%H:%M}, got {time:%H:%M}"
+            )
+        flown = [point for point in self.waypoints if point.time < time]
+        before = flown[-1]
+        following = self.waypoints[len(flown)]
+        plane = TangentPlane(before.latitude, before.longitude)
+        share = (time - before.time) / (following.time - before.time)
+        way = plane.metres(following.latitude, following.longitude)
+        latitude, longitude = plane.degrees(share * way).tolist()
+        here = Waypoint(time, latitude, longitude, before.altitude, searching=False)
+        return replace(self, waypoints=(*flown, here))
 
     @property
     def landing(self) -> datetime:
@@ -99,7 +129,7 @@ def read_flown(name: str, value: object, swath: ByClass, detection: ByClass) -> 
     }
     if isinstance(value, Mapping):
         keys = list(values)
-        values = checks.known_keys(name, value, keys)
+        values = checks.known_keys(name, value, [*keys, "name"])
         for key in keys:
             if key not in values:
                 raise ValueError(f"{name} must hold {', '.join(keys)}, got no {key}")

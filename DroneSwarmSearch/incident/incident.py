@@ -785,15 +785,17 @@ def _check_start(name: str, time: datetime, start: datetime) -> None:
 
 def _flown(values: dict[str, Any]) -> tuple[FlownFlight, ...]:
     """The earlier flights; waypoints alone were flown by drones such as these."""
-    start = values["start"]
+    craft = {each.name: each for each in values["craft"]}
     flights = []
     for number, given in enumerate(checks.items("flown", values["flown"], "a list of flights")):
         name = f"flown[{number}]"
         flight = read_flown(name, given, values["swath"], values["probability_of_detection"])
-        if flight.landing > start:
+        take_off = craft[flight.name].take_off if flight.name in craft else values["start"]
+        is_same = flight.name in craft or not flight.name
+        if is_same and flight.landing > take_off:
             raise ValueError(
                 f"start must not be before the landing of {name}, "
-                f"{flight.landing:%Y-%m-%d %H:%M}, got {start:%Y-%m-%d %H:%M}"
+                f"{flight.landing:%Y-%m-%d %H:%M}, got {take_off:%Y-%m-%d %H:%M}"
             )
         flights.append(flight)
     return tuple(flights)

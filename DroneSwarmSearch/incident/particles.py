@@ -62,6 +62,7 @@ class Particles:
         classes: the object classes; none of tracks.
         ashore: the share of those who have stranded at the last time.
         found: the share of those whom earlier flights would have found, and who weigh less for it.
+        worth: what each earlier flight has added to that share, in their order.
     """
 
     begin: float
@@ -74,6 +75,7 @@ class Particles:
     classes: tuple[str, ...] = ()
     ashore: float = 0.0
     found: float = 0.0
+    worth: tuple[float, ...] = ()
 
     @cached_property
     def fastest(self) -> float:
@@ -228,6 +230,7 @@ def simulate(incident: Incident, n: int, seed: int, longer: float = 0.0) -> Part
     starts = [incident.start, *(flight.waypoints[0].time for flight in incident.flown)]
     begin = max(incident.seconds(min(starts)), 0.0)  # before the report, there are no particles
     last = max(each.take_off + timedelta(seconds=each.endurance) for each in incident.craft)
+    last = max([last, *(flight.landing for flight in incident.flown)])  # some still fly
     duration = incident.seconds(last) + longer - begin
     step = max(SHORTEST_STEP, duration / MOST_STEPS)
     count = math.ceil(duration / step) + 1
@@ -238,13 +241,15 @@ def simulate(incident: Incident, n: int, seed: int, longer: float = 0.0) -> Part
     else:
         cloud = _of_tracks(incident, times, step, n, seed)
 
-    missed = np.ones_like(cloud.weights)
+    weights = cloud.weights
+    worth = []
     for flight in incident.flown:
         legs = legs_of(flight.waypoints, incident.plane, incident.began)
-        missed *= cloud.missed(legs, flight)
-    weights = cloud.weights * missed
-    found = float(cloud.weights @ (1.0 - missed))
-    return replace(cloud, weights=weights / weights.sum(), found=found)
+        left = weights * cloud.missed(legs, flight)
+        worth.append(float((weights - left).sum()))
+        weights = left
+    found = math.fsum(worth)
+    return replace(cloud, weights=weights / weights.sum(), found=found, worth=tuple(worth))
 
 
 def _of_tracks(incident: Incident, times: Floats, step: float, n: int, seed: int) -> Particles:

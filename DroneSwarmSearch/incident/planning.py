@@ -213,9 +213,10 @@ def _flown(area: Area, shape: Shape, figures: Particles) -> FlightPlan:
         raise CannotFlyError(refusal(area))
     patterns: list[Pattern] = []
     flights: list[list[Waypoint]] = []
+    flying = [each.waypoints for each in incident.flown if each.landing > incident.start]
     for drone, whole in zip(area.drones, wanted, strict=True):
         pattern = begun_at_sea(whole, drone, area.coast)
-        pattern, flight = _kept_apart(incident, drone, pattern, flights)
+        pattern, flight = _kept_apart(incident, drone, pattern, [*flying, *flights])
         patterns.append(pattern)
         flights.append(flight)
     return FlightPlan(

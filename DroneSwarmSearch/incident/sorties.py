@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime, timedelta
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
@@ -45,6 +46,8 @@ def after(
     incident: Incident,
     flown: Flown | str | os.PathLike[str],
     at: datetime | str | None = None,
+    *,
+    broke_off: Mapping[object, datetime | str] = MappingProxyType({}),
     **changes: Any,
 ) -> Incident:
     """The incident after flights that found nobody: its map is the posterior.
@@ -53,6 +56,9 @@ def after(
     with which it was flown, and was flown in the wind of this incident. With a later report,
     a new `time`, persons drift from there, and flights count from that time on.
 
+    If some drones are still flying when the next ones take off, their planned flights count as
+    flown, and those who have landed are free.
+
     Args:
         incident: the incident in which the flights were flown.
         flown: a plan that was flown, or a CSV file of what was really flown, such as the
@@ -60,6 +66,8 @@ def after(
             and optionally searching.
         at: when the first drone takes off again, `start`; by default half an hour after the
             last one has landed, or at a later `time`.
+        broke_off: drones that broke off their search, by name or by their number from 1, and when:
+            what they have flown until then counts.
         changes: other values of the incident for the next flights. A wind or a current without
             a time holds from the last landing on.
 
@@ -75,22 +83,25 @@ def after(
     flights = _named_flights(flown)
     numbers = _drones(incident, flights)
     _check_flyable(incident, flights, numbers)
+    drones = [incident.craft[number] for number in numbers]
     new = [
-        FlownFlight(tuple(flight.waypoints), drone.swath, drone.probability_of_detection)
-        for flight, drone in zip(flights, map(incident.craft.__getitem__, numbers), strict=True)
+        FlownFlight(
+            tuple(flight.waypoints), drone.swath, drone.probability_of_detection, drone.name
+        )
+        for flight, drone in zip(flights, drones, strict=True)
     ]
+    new = _broken_off(incident, new, broke_off)
     values = {**changes, "flown": (*incident.flown, *new)}
-    if incident.fleet and "fleet" not in changes:  # they take off again
-        values["fleet"] = tuple(drone.landed() for drone in incident.fleet)
     landed = max(flight.landing for flight in values["flown"])
     time, latest = incident.times_with(changes)
     start = max(landed + SORTIES_APART, latest)
     if at is not None:
         start = near("start", at, latest)
-    if start < landed:
-        raise ValueError(f"start must not be before the last landing, {landed}, got {start}")
+    if "fleet" not in changes and "drones" not in changes:
+        values |= _free(incident, values["flown"], start)
+    since = min(landed, start)
     for name in FLOWS:
-        values[name] = _next_flow(name, getattr(incident, name), values.get(name), landed, time)
+        values[name] = _next_flow(name, getattr(incident, name), values.get(name), since, time)
     return incident.changed(start=start, **values)
 
 
@@ -104,6 +115,45 @@ def _named_flights(flown: Flown | str | os.PathLike[str]) -> list[NamedFlight]:
         )
         for drone, flight in enumerate(flown.flights, 1)
     ]
+
+
+def _broken_off(
+    incident: Incident, flights: list[FlownFlight], times: Mapping[object, datetime | str]
+) -> list[FlownFlight]:
+    """The flights as far as they were flown."""
+    names = [flight.name for flight in flights]
+    found = [*flights]
+    for key, given in times.items():
+        name = str(key)
+        if name not in names:
+            raise ValueError(
+                f"broke_off must name drones that have flown, {', '.join(names)}, got {name!r:.100}"
+            )
+        number = names.index(name)
+        time = near(f"broke_off of {name}", given, incident.start)
+        try:
+            found[number] = flights[number].until(time)
+        except ValueError as error:
+            raise ValueError(f"broke_off of {name} {error}") from None
+    return found
+
+
+def _free(incident: Incident, flown: Sequence[FlownFlight], start: datetime) -> dict[str, Any]:
+    """The drones that can take off at a time: those which have landed."""
+    flying = {flight.name for flight in flown if flight.landing > start}
+    free = [drone for drone in incident.craft if drone.name not in flying]
+    if not free:
+        landing = min(flight.landing for flight in flown if flight.name in flying)
+        raise ValueError(
+            f"start must not be before a drone has landed, at {landing:%H:%M} the first one, got "
+            f"{start:%H:%M}"
+        )
+    if incident.fleet:
+        given = dict(zip((drone.name for drone in incident.craft), incident.fleet, strict=True))
+        return {"fleet": tuple(given[drone.name].landed(drone.name) for drone in free)}
+    if len(free) == len(incident.craft):
+        return {}
+    return {"fleet": tuple(Drone(name=drone.name) for drone in free)}
 
 
 def _drones(incident: Incident, flights: Sequence[NamedFlight]) -> list[int]:

@@ -13,6 +13,7 @@ from DroneSwarmSearch.incident.files.geojson import geojson
 from DroneSwarmSearch.incident.files.gpx import gpx
 from DroneSwarmSearch.incident.files.html_page import html_page
 from DroneSwarmSearch.incident.files.kml import kml, overlays_of
+from DroneSwarmSearch.incident.files.log_page import log_page
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 
 __all__ = ["write"]
@@ -43,6 +44,7 @@ def write(plan: FlightPlan, folder: str | os.PathLike[str]) -> list[str]:
         write_text(spare / "plan.geojson", geojson(plan))
         write_text(spare / "plan.csv", csv_table(plan))
         write_text(spare / "plan.html", html_page(plan))
+        write_text(spare / "log.html", log_page(plan))
         missions.write(plan, spare)
         chart.write(plan, spare)
         write_text(spare / INCIDENT, plan.incident.as_json(where))
