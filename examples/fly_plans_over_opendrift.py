@@ -92,6 +92,7 @@ def random_incident(rng: np.random.Generator, coast: bool) -> Incident:
         speed=speed,
         swath=rng.uniform(100, 400),
         endurance=rng.uniform(1800, 5400),
+        night=True,
     )
 
 
@@ -101,7 +102,7 @@ def simulated(incident: Incident, until: float, options: argparse.Namespace) -> 
         incident.object_class,
         incident.wind.vectors_from(0.0)[0.0],
         incident.current.vectors_from(0.0)[0.0],
-        position_error=0.0,
+        position_sd=0.0,
     )
     tracks = known.tracks(until / 3600 + 0.5, options)
     at = np.arange(0, until + STEP, STEP) / opendrift.TRACK_SECONDS

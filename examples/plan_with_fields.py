@@ -107,6 +107,7 @@ def main() -> None:
         wind=folder / "weather.nc",
         current=folder / "ocean.nc",
         drones=2,
+        night=True,
     )
     still = Incident(
         position=incident.position,

@@ -249,7 +249,7 @@ class TestCommenceSearchPoint:
 def folder(tmp_path_factory) -> Path:
     """A plan beside the small island, and across the date line."""
     folder = tmp_path_factory.mktemp("plans")
-    usual = {**STILL, "position_error": 900}
+    usual = {**STILL, "position_error": 900, "night": True}
     beside = Incident(**{**usual, "position": (54.18, 7.85)})
     write(plan(beside), folder / "island")
     across = Incident(**{**usual, "position": (-16.82, 179.99)})

@@ -22,6 +22,7 @@ KNOWN: dict[str, Any] = {
     "position": HERE,
     "time": "2026-03-01T01:00Z",
     "start": "2026-03-01T03:00Z",
+    "night": True,
     "object_class": "PIW-1",
     "wind": (0, 0),
     "wind_error": 0,

@@ -228,3 +228,29 @@ def test_a_fleet_is_a_table(tmp_path, capsys):
 def test_what_no_fleet_can_do_is_refused(changes, message):
     with pytest.raises((TypeError, ValueError), match=message):
         Incident(**{**KNOWN, **changes})
+
+
+@pytest.mark.parametrize(
+    ("values", "heights"),
+    [
+        ({"drones": 3, "floor": "60m"}, (80, 100, 120)),
+        ({"drones": 6, "floor": "60m"}, (60, 80, 100, 120, 60, 80)),
+        ({"drones": 2, "floor": "150m"}, (150, 150)),
+        ({"fleet": [{"altitude": 70}, {}, {}], "floor": 40}, (70, 100, 120)),
+    ],
+)
+def test_drones_fly_between_the_floor_and_the_ceiling(values, heights):
+    assert Incident(**{**KNOWN, **values}).heights == pytest.approx(heights)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"floor": 90, "altitude": 80}, "floor must be at most the altitude and the ceiling, 80 m"),
+        ({"floor": 130, "ceiling": 120}, "floor must be at most the altitude and the ceiling, 120"),
+        ({"fleet": [{"altitude": 150}]}, "altitude of 1 must be from the floor, 20 m, to the ceil"),
+    ],
+)
+def test_heights_that_contradict_each_other_are_refused(values, message):
+    with pytest.raises(ValueError, match=message):
+        Incident(**{**KNOWN, **values})

@@ -530,7 +530,9 @@ def test_tracks_take_the_place_of_class_and_current(tmp_path):
     degrees = start + np.linspace(0, 0.02, times)[:, None] * [1, 0.5]
     degrees[..., 0] = (degrees[..., 0] + 180) % 360 - 180
     path = write(tmp_path / "tracks.nc", degrees, seconds=np.arange(times) * 60.0)
-    incident = Incident(tracks=path, start=NOON + timedelta(minutes=20), speed=15, drones=1)
+    incident = Incident(
+        tracks=path, start=NOON + timedelta(minutes=20), speed=15, drones=1, night=True
+    )
     plan = plan_flights(incident)
     assert incident.time == NOON
     assert incident.position == pytest.approx((10, 179.99), abs=0.002)

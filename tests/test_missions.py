@@ -40,6 +40,7 @@ def planned(aircraft: str, place: str) -> FlightPlan:
         current="160 0.5kn",
         endurance="25min",
         aircraft=aircraft,
+        night=True,
     )
     return plan_flights(incident, seconds=0.1)
 

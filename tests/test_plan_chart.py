@@ -31,6 +31,7 @@ def planned(position: tuple[float, float], base: tuple[float, float], drones: in
         base=base,
         drones=drones,
         endurance=2250,
+        night=True,
     )
     return plan_flights(incident)
 

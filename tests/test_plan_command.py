@@ -44,7 +44,7 @@ def plan():
 @pytest.fixture(scope="module")
 def small(plan):
     """A plan of fewer drones, elsewhere."""
-    return plan_flights(Incident(**{**KNOWN, "position": (-17.0, 180.0)}, drones=1))
+    return plan_flights(Incident(**{**KNOWN, "position": (-17.0, 180.0)}, drones=1, night=True))
 
 
 def refused(capsys: Any, options: str, *more: str) -> str:
@@ -363,13 +363,15 @@ def test_files_of_tracks_are_refused_by_name(tmp_path, change, message):
 def test_a_plan_needs_some_tracks(tmp_path):
     path = drifting(tmp_path / "tracks.nc", count=1)
     with pytest.raises(ValueError, match=r"tracks must be at least 20.* got 1 in .*tracks\.nc"):
-        plan_flights(Incident(tracks=path, start="00:10Z"))
+        plan_flights(Incident(tracks=path, start="00:10Z", night=True))
 
 
 def test_a_longer_flight_than_the_tracks(tmp_path, capsys):
     path = drifting(tmp_path / "tracks.nc")
     assert (
-        cli.main(f"plan --tracks {path} --drones 1 --seconds 1 --out {tmp_path / 'plan'}".split())
+        cli.main(
+            f"plan --tracks {path} --drones 1 --night --seconds 1 --out {tmp_path}/plan".split()
+        )
         == 0
     )
     text = " ".join(capsys.readouterr().out.split())

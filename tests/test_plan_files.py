@@ -35,6 +35,7 @@ def plan(request):
         current="160 0.5kn",
         altitude=80.0,
         endurance="25min",
+        night=True,
     )
     return plan_flights(incident)
 

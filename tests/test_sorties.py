@@ -236,7 +236,7 @@ WRONG = {
     "an unknown key": (
         [{"waypoints": GOOD, "swath": 9, "probability_of_detection": 1, "pod": 1}],
         TypeError,
-        "flown[0] has the parameters waypoints, swath, probability_of_detection, got 'pod'",
+        "flown[0] has the parameters waypoints, swath, probability_of_detection, name, got 'pod'",
     ),
     "landing after the start": (
         [[GOOD[0], ["2026-03-01T06:50Z", 54.21, 7.8, 100, False]]],
@@ -260,7 +260,7 @@ def test_the_next_take_off(flown):
     landed = START + timedelta(seconds=600)
     assert after(incident, flown).start == landed + timedelta(minutes=30)
     assert after(incident, flown, "07:15Z").start == START + 45 * MINUTE
-    with pytest.raises(ValueError, match=r"^start must not be before the last landing, .*06:40"):
+    with pytest.raises(ValueError, match=r"^start must not be before a drone has landed, at 06:40"):
         after(incident, flown, "06:35Z")
     with pytest.raises(TypeError, match=r"changes has the parameters .* got 'swat'; did you mean"):
         after(incident, flown, swat=60)

@@ -8,7 +8,7 @@ import re
 import textwrap
 import time
 from dataclasses import fields, replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -105,9 +105,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--altitude", "of the first one; the others fly 20 m above each other (up to 100m)", **words
     )
     add("--ceiling", "above which none flies (120m)", **words)
+    add("--floor", "below which none flies (20m)", **words)
     add("--climb", "speed with which they climb and sink (3m/s)", **words)
     about = "copter or plane, with ArduPilot or PX4, or dji: what the missions are for (copter)"
     add("--aircraft", about, metavar="KIND")
+    about = "areas that none enters: a GeoJSON file with polygons, or corners with semicolons"
+    add("--no-fly", about, metavar="FILE", **words)
+    about = "they can also search after sunset: without, they must have ended by then"
+    add("--night", about, action="store_true", default=None)
     group = parser.add_argument_group("the plan")
     add("--out", "the folder to write", metavar="DIR", type=Path, required=True)
     about = "CPU time in which the plan is improved; a first one takes some seconds (15)"
@@ -208,9 +213,9 @@ def _check_places(options: argparse.Namespace) -> None:
         )
 
 
-def _broke_off(given: list[list[str]]) -> dict[str, str]:
+def _broke_off(given: list[list[str]]) -> dict[object, datetime | str]:
     """When drones broke off, by their names."""
-    times: dict[str, str] = {}
+    times: dict[object, datetime | str] = {}
     for name, when in given:
         if name in times:
             raise ValueError(f"--broke-off must be given once for each drone, got {name} twice")

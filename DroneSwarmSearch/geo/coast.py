@@ -19,11 +19,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from DroneSwarmSearch._internal.arrays import Flags, Floats, Pair
+from DroneSwarmSearch._internal.arrays import Flags, Pair
 from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch._internal.files import StorageError, write_bytes
 from DroneSwarmSearch.geo.plane import TangentPlane
-from DroneSwarmSearch.geo.polygons import Polygon, polygons_of, read_polygons, shapely_package
+from DroneSwarmSearch.geo.polygons import (
+    Polygon,
+    on_plane,
+    polygons_of,
+    read_polygons,
+    shapely_package,
+)
 
 GSHHG = "gshhg"
 """The name of the packaged coastline."""
@@ -162,13 +168,9 @@ def land_around(coast: str, position: Pair, reach: float) -> Land | None:
         polygons = read_polygons(what, Path(coast))
         parts = [shapely.clip_by_rect(polygons, *box) for box in boxes]
     plane = TangentPlane(*position)
-
-    def in_metres(degrees: Floats) -> Floats:
-        return plane.metres(degrees[:, 1], degrees[:, 0])
-
     # Long edges along the boxes are bent on the plane.
     bent = [shapely.segmentize(part, LONGEST_EDGE) for part in parts]
-    projected = [shapely.make_valid(shapely.transform(part, in_metres)) for part in bent]
+    projected = [shapely.make_valid(on_plane(part, plane)) for part in bent]
     return Land(shapely.union_all(projected), plane, reach)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch._internal.files import parsed_json
+from DroneSwarmSearch.geo.plane import TangentPlane
 
 Polygon = list[Floats]
 """The outline of a polygon, counterclockwise, and those of its holes, clockwise: (n, 2) each."""
@@ -16,6 +17,15 @@ Polygon = list[Floats]
 def shapely_package() -> Any:
     """The package shapely, of the extra "plan"."""
     return needed("shapely", "coasts and areas need the package shapely", "plan")
+
+
+def on_plane(degrees: Any, plane: TangentPlane) -> Any:
+    """A geometry of shapely in degrees, (longitude, latitude), in metres (east, north)."""
+
+    def in_metres(points: Floats) -> Floats:
+        return plane.metres(points[:, 1], points[:, 0])
+
+    return shapely_package().transform(degrees, in_metres)
 
 
 def polygons_of(geometry: Any) -> list[Polygon]:

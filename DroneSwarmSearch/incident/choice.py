@@ -252,6 +252,11 @@ def refusal(area: Area) -> str:
             f"{drone.airspeed:g} m/s: use drones of {blows / (1 - SLOWEST):.0f} m/s, fly "
             "lower, or wait until there is less wind"
         )
+    if area.incident.forbidden is not None:
+        return (
+            "no_fly must leave a straight way to the area and back, and room to search there, got "
+            f"{area.incident.no_fly!r:.100}: take off elsewhere, or use drones that fly longer"
+        )
     return (
         f"endurance must leave time to search, got {drone.endurance / 60:.0f} minutes without "
         f"the reserve, of which the way to the area and back takes {both_ways / 60:.0f}: take "

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from datetime import timedelta
+from typing import Any
 
 import numpy as np
 
-from DroneSwarmSearch._internal.arrays import Floats
+from DroneSwarmSearch._internal.arrays import Flags, Floats
 from DroneSwarmSearch.geo.flows import Flow
+from DroneSwarmSearch.geo.polygons import shapely_package
+from DroneSwarmSearch.geo.sun import seconds_of_light
 from DroneSwarmSearch.incident.fleet import Drone, base_at
 from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.patterns import Pattern
@@ -43,6 +47,9 @@ class DroneInWind:
         fastest: over the ground, in m/s.
         flow: the wind at 10 m, or the current.
         take_off: in the seconds of the flow.
+        light: seconds after take-off until which it can search: by day, unless it is one for the
+            night.
+        forbidden: areas that it does not enter, a geometry of shapely; or None.
     """
 
     craft: Drone
@@ -56,6 +63,8 @@ class DroneInWind:
     fastest: float
     flow: Flow
     take_off: float
+    light: float
+    forbidden: Any
 
     def base_at(self, times: Floats) -> Floats:
         """Where its base is at some times, (east, north) in metres: (2, n)."""
@@ -162,12 +171,13 @@ class DroneInWind:
         Returns:
             Seconds after take-off, east and north of each waypoint, from take-off to landing:
             float64, (n, 3). At a waypoint, the drone first turns; at the first one it climbs, and
-            at the last one it sinks. None if it cannot get to the commence search point and back.
+            at the last one it sinks. None if it cannot get to the commence search point and back,
+            or enters a forbidden area.
         """
         whole = self._whole(pattern)
         with np.errstate(invalid="ignore"):
             back = self.home(whole.times[1:], whole.points[:, 1:], whole.courses)
-        is_late = ~(whole.times[1:] + back <= self.endurance)
+        is_late = ~(whole.times[1:] + back <= self.endurance) | (whole.times[1:] > self.light)
         last = int(is_late.argmax()) if is_late.any() else len(is_late)
         if last == 0:
             return None
@@ -182,7 +192,16 @@ class DroneInWind:
                 home = part.home
         times = np.append(times, times[-1] + home)
         points = np.column_stack([points, self.base_at(times[-1:])])
+        if self.forbidden is not None and self.forbidden.intersects(_line(points)):
+            return None
         return np.vstack([times, points]).T
+
+    def searches(self, flight: Floats) -> Flags:
+        """On which legs of what `fly` returns it searches: (n - 1,); after sunset on none."""
+        is_searching = np.ones(len(flight) - 1, np.bool_)
+        is_searching[0] = False
+        is_searching[-1] &= bool(flight[-1, 0] <= self.light)
+        return is_searching
 
     def _whole(self, pattern: Pattern) -> _Whole:
         """The flight along all points of a pattern, which may take longer than the drone can fly.
@@ -230,7 +249,7 @@ class DroneInWind:
         points = start[:, None] + share * (whole.points[:, last + 1] - start)[:, None]
         with np.errstate(invalid="ignore"):
             homes = self.home(times, points, whole.courses[:, last : last + 1])
-        is_possible = times + homes <= self.endurance
+        is_possible = (times + homes <= self.endurance) & (times <= self.light)
         if not is_possible[0]:
             return None
         end = len(share) - 1 if is_possible.all() else int(is_possible.argmin()) - 1
@@ -260,10 +279,18 @@ class _Part:
     home: float
 
 
+def _line(points: Floats) -> Any:
+    """The line through points, (2, n), a geometry of shapely."""
+    return shapely_package().LineString(points.T)
+
+
 def drone_in_wind(incident: Incident, number: int) -> DroneInWind:
     """A drone of an incident, counted from 0."""
     craft = incident.craft[number]
     base = incident.plane.metres(*base_at(craft, craft.take_off))
+    light = math.inf
+    if not craft.night:
+        light = seconds_of_light(incident.origin.position, craft.take_off, craft.airborne)
     later = incident.plane.metres(*base_at(craft, craft.take_off + timedelta(hours=1)))
     return DroneInWind(
         craft=craft,
@@ -277,4 +304,6 @@ def drone_in_wind(incident: Incident, number: int) -> DroneInWind:
         fastest=craft.fastest_over_ground,
         flow=incident.current if craft.is_boat else incident.wind,
         take_off=incident.seconds(craft.take_off),
+        light=light,
+        forbidden=None if craft.is_boat else incident.forbidden,
     )

@@ -349,8 +349,9 @@ class Area:
         flight = drone.fly(pattern)
         if flight is None:
             return None
+        searching = drone.searches(flight)
         flight[:, 0] += drone.take_off
-        legs = np.stack([flight[1:-1], flight[2:]], axis=1)  # all but the way there
+        legs = np.stack([flight[:-1], flight[1:]], axis=1)[searching]
         return self.particles.missed(legs, drone.craft)
 
     def missed_by(self, number: int, free: FreePattern) -> Floats | None:

@@ -95,6 +95,7 @@ class Drone:
         altitude: at which it flies.
         swath: the width of the strip that it sees; or of each object class, {"PIW-1": 100, ...}.
         probability_of_detection: that it finds a person in the strip; or of each object class.
+        night: whether it can search after sunset.
 
     Raises:
         TypeError: a value is of the wrong type.
@@ -116,6 +117,7 @@ class Drone:
     altitude: float = None  # type: ignore[assignment]
     swath: ByClass = None  # type: ignore[assignment]
     probability_of_detection: ByClass = None  # type: ignore[assignment]
+    night: bool = None  # type: ignore[assignment]
 
     if TYPE_CHECKING:
 
@@ -187,7 +189,19 @@ def _read(name: str, value: Any) -> Any:
         return checks.choice(name, value, AIRCRAFT)
     if name == "name":
         return printable(value)
+    if name == "night":
+        return _read_flag(name, value)
     return value  # times, which the incident reads
+
+
+def _read_flag(name: str, value: object) -> bool:
+    """Whether something is so, from a boolean or a text."""
+    if isinstance(value, str):
+        flags = {"yes": True, "true": True, "no": False, "false": False}
+        if value.lower() not in flags:
+            raise ValueError(f"{name} must be yes or no, got {value!r}")
+        return flags[value.lower()]
+    return checks.boolean(name, value)
 
 
 def _read_probability(name: str, value: object) -> float:
@@ -265,7 +279,13 @@ def completed(
         kind = own.get("aircraft", shared["aircraft"])
         values = {**shared, **own}
         if kind in USUAL:
-            values = {"base": shared["base"], **USUAL[kind], "reserve": None, **own}
+            values = {
+                "base": shared["base"],
+                "night": shared["night"],
+                **USUAL[kind],
+                "reserve": None,
+                **own,
+            }
             if "swath" not in own:
                 speed = QUANTITIES["speed"].read("speed", values["speed"])
                 values["swath"] = swaths(kind, speed)
@@ -302,16 +322,19 @@ def _timed(name: str, drone: Drone, start: datetime) -> Drone:
     return replace(drone, **times)
 
 
-def at_heights(drones: Sequence[Drone], altitude: float, ceiling: float) -> list[Drone]:
+def at_heights(
+    drones: Sequence[Drone], altitude: float, ceiling: float, floor: float
+) -> list[Drone]:
     """Drones with their altitudes, 20 m apart; too many of them share heights.
 
     Args:
         drones: those without an altitude get one.
         altitude: of the first of them.
         ceiling: above which none of them flies.
+        floor: below which none of them flies.
     """
     taken = [drone.altitude for drone in drones if drone.altitude is not None]
-    free = levels(altitude, ceiling)
+    free = levels(altitude, ceiling, floor)
     apart = [
         height for height in free if all(abs(height - other) >= HEIGHTS_APART for other in taken)
     ]
@@ -326,10 +349,10 @@ def at_heights(drones: Sequence[Drone], altitude: float, ceiling: float) -> list
     return found
 
 
-def levels(altitude: float, ceiling: float) -> list[float]:
+def levels(altitude: float, ceiling: float, floor: float) -> list[float]:
     """The heights at which drones can fly, 20 m apart: up from the altitude, then down from it."""
     above = np.arange(altitude, ceiling + 1e-6, HEIGHTS_APART)
-    below = np.arange(altitude - HEIGHTS_APART, LOWEST - 1e-6, -HEIGHTS_APART)
+    below = np.arange(altitude - HEIGHTS_APART, floor - 1e-6, -HEIGHTS_APART)
     return [*above.tolist(), *below.tolist()]
 
 

@@ -38,6 +38,9 @@ MEAN = " (mean values)"
 PLACES = ("position", "line", "area")
 SEEN = ("bearing", "distance", "bearing_error", "distance_error")
 
+Outline = str | tuple[Pair, ...]
+"""A GeoJSON file, or the corners of a polygon."""
+
 Weights = tuple[tuple[str, float], ...]
 """Names with weights, which sum to 1."""
 
@@ -79,7 +82,7 @@ class Hypothesis:
 
     position: Pair | None = None
     line: tuple[Pair, ...] | None = None
-    area: str | tuple[Pair, ...] | None = None
+    area: Outline | None = None
     time: tuple[datetime, datetime] = None  # type: ignore[assignment]  # must be given
     position_error: float = None  # type: ignore[assignment]  # known below
     bearing: float | None = None
@@ -113,7 +116,7 @@ class Hypothesis:
         if self.line is not None:
             return Line(self.line, error)
         if self.area is not None:
-            return Area(_polygons(self.area), error)
+            return Area(polygons_in("area", self.area), error)
         assert self.position is not None
         if self.bearing is None:
             return Point(self.position, error)
@@ -250,26 +253,30 @@ def _line(value: object) -> tuple[Pair, ...]:
     return positions
 
 
-def _area(value: object) -> str | tuple[Pair, ...]:
+def _area(value: object) -> Outline:
+    return read_outline("area", value)
+
+
+def read_outline(name: str, value: object) -> Outline:
     """The path of a GeoJSON file, or the corners of a polygon."""
     what = "a GeoJSON file with polygons, or three or more positions"
     is_text = isinstance(value, str) and ";" in value
     if isinstance(value, (str, os.PathLike)) and not is_text:
-        area: str | tuple[Pair, ...] = os.fspath(value)
+        outline: Outline = os.fspath(value)
         if not Path(value).is_file():
-            raise ValueError(f"area must be {what}, but there is no file {os.fspath(value)!r}")
+            raise ValueError(f"{name} must be {what}, but there is no file {os.fspath(value)!r}")
     else:
-        area = _positions("area", value, 3, what)
-    if not _polygons(area).area > 0.0:
-        raise ValueError(f"area must be {what}, got one without a surface: {value!r:.100}")
-    return area
+        outline = _positions(name, value, 3, what)
+    if not polygons_in(name, outline).area > 0.0:
+        raise ValueError(f"{name} must be {what}, got one without a surface: {value!r:.100}")
+    return outline
 
 
-def _polygons(area: str | tuple[Pair, ...]) -> Any:
-    """The polygons of an area in degrees, a geometry of shapely."""
-    if isinstance(area, str):
-        return read_polygons("area must be a GeoJSON file with polygons", Path(area))
-    latitudes, longitudes = np.array(area).T
+def polygons_in(name: str, outline: Outline) -> Any:
+    """The polygons of an outline in degrees, a geometry of shapely."""
+    if isinstance(outline, str):
+        return read_polygons(f"{name} must be a GeoJSON file with polygons", Path(outline))
+    latitudes, longitudes = np.array(outline).T
     # From corner to corner the shorter way, also over the date line.
     unwrapped = np.unwrap(longitudes, period=360)
     shapely = shapely_package()

@@ -8,7 +8,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from datetime import datetime, timedelta
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,6 +22,7 @@ from DroneSwarmSearch.geo import units
 from DroneSwarmSearch.geo.coast import GSHHG, NONE, Land, land_around
 from DroneSwarmSearch.geo.flows import Flow, Origin
 from DroneSwarmSearch.geo.plane import TangentPlane
+from DroneSwarmSearch.geo.polygons import on_plane, polygons_of, shapely_package
 from DroneSwarmSearch.geo.times import near
 from DroneSwarmSearch.geo.typed_flows import FILES, read_flow
 from DroneSwarmSearch.geo.units import LENGTH, SPEED, Quantity
@@ -45,6 +46,9 @@ from DroneSwarmSearch.incident.hypothesis import (
     PLACES,
     SEEN,
     Hypothesis,
+    Outline,
+    polygons_in,
+    read_outline,
     read_position,
     read_times,
 )
@@ -54,7 +58,7 @@ from DroneSwarmSearch.persons import leeway
 from DroneSwarmSearch.persons.track_files import first_known
 
 VISIBILITY = Quantity(LENGTH, 100, 100_000, "from 100 m to 100 km")
-CEILING = Quantity(LENGTH, 0, 10_000, "from 0 to 10 km")
+HEIGHT = Quantity(LENGTH, 0, 10_000, "from 0 to 10 km")
 
 FLOW_ERRORS = {
     "wind_error": Quantity(SPEED, 0, 60, "from 0 to 60 m/s", error="across"),
@@ -79,13 +83,19 @@ COASTS = (GSHHG, NONE)
 
 MOST_DRONES = 50
 
+NO_FLY_MARGIN = 100.0
+"""Metres from areas that nobody enters."""
+
 STATED = SHARED_BY_DRONES
 """What an incident states of all drones."""
 
 ERRORS = {"wind_error": 2.0, "current_error": 0.13}
 """The usual errors of flows that are not ensembles."""
 
-DEPENDENT = (*ERRORS, "reserve", "altitude", "ceiling")
+LIMITS = ("ceiling", "floor")
+"""Of the heights of drones."""
+
+DEPENDENT = (*ERRORS, "reserve", "altitude", *LIMITS)
 """Quantities whose default depends on other values."""
 
 ONE_CASE = tuple(name for name in FIELDS if name not in ("weight", "name"))
@@ -96,7 +106,9 @@ SHARED = ("time", "position_error", "object_class")
 
 WHERE = (*PLACES, *SEEN)
 
-TYPED = (*ONE_CASE, "hypotheses", "base", "fleet")
+OUTLINES = ("area", "no_fly")
+
+TYPED = (*ONE_CASE, "hypotheses", "base", "fleet", "no_fly")
 """Values that files hold as they were typed, if they were."""
 
 IN_TRACKS = ("hypotheses", "line", "area", *SEEN, "position_error", "current", *ERRORS)
@@ -190,10 +202,15 @@ class Incident:
             for all drones between it and the ceiling.
         ceiling: above which no drone flies; by default 120 m, the limit for drones in Europe and in
             the United States, or a higher altitude that is given.
+        floor: below which no drone flies; by default 20 m, or a lower altitude that is given.
         turn: seconds in which a drone turns by a right angle.
         climb: the speed with which drones climb after the take-off, and sink to land.
         aircraft: for which missions are written: "copter" or "plane", with ArduPilot or PX4; or
             "dji", which fly at most 15 m/s over the ground. Or "helicopter" and "boat".
+        night: whether drones can search after sunset; else they take off by day, and have ended
+            their search when the sun sets at the origin.
+        no_fly: areas that no drone and no helicopter enters, as for `area`: a GeoJSON file with
+            polygons, or the corners of one.
         flown: earlier flights that found nobody, each a `FlownFlight`, see `after`; or the
             waypoints of a flight, flown with this swath and probability of detection.
 
@@ -235,9 +252,12 @@ class Incident:
     base: Pair = None  # type: ignore[assignment]
     altitude: float = None  # type: ignore[assignment]
     ceiling: float = None  # type: ignore[assignment]
+    floor: float = None  # type: ignore[assignment]
     turn: float = 4.0
     climb: float = 3.0
     aircraft: str = COPTER
+    night: bool = False
+    no_fly: Outline | None = None
     flown: tuple[FlownFlight, ...] = ()
     _typed: dict[str, Any] = field(init=False, repr=False, compare=False)
     _left_out: tuple[str, ...] = field(init=False, repr=False, compare=False)
@@ -316,6 +336,15 @@ class Incident:
         """
         return _land(self.coast, self.origin.position, reach)
 
+    @cached_property
+    def forbidden(self) -> Any:
+        """The areas that nobody enters, with a margin of 100 m; a geometry of shapely, or None."""
+        if self.no_fly is None:
+            return None
+        areas = on_plane(polygons_in("no_fly", self.no_fly), self.plane).buffer(NO_FLY_MARGIN)
+        shapely_package().prepare(areas)
+        return areas
+
     def land_within(self, farthest: float) -> Land | None:
         """`land`, at least up to a distance; few different distances are read."""
         reach = NEAR
@@ -359,6 +388,13 @@ class Incident:
                 name = f"{each.name}: {name}"
             marks += [Mark(name, when, outline) for outline in each.place.outlines(self.plane)]
         return marks
+
+    @property
+    def no_fly_marks(self) -> list[Mark]:
+        """The outlines of the areas that nobody enters, as maps show them."""
+        if self.forbidden is None:
+            return []
+        return [Mark("no-fly area", "", outline) for outline, *_ in polygons_of(self.forbidden)]
 
     # In words.
 
@@ -418,8 +454,10 @@ class Incident:
     def as_json(self, folder: Path) -> str:
         """The text of a file that will lie in a folder, from which its paths count."""
         values = {name: value for name, value in self._values.items() if _is_given(name, value)}
-        if isinstance(values.get("area"), (str, os.PathLike)) and ";" not in str(values["area"]):
-            values["area"] = os.path.relpath(values["area"], folder)
+        for name in OUTLINES:
+            outline = values.get(name)
+            if isinstance(outline, (str, os.PathLike)) and ";" not in str(outline):
+                values[name] = os.path.relpath(outline, folder)
         if self.hypotheses:  # they are complete
             values = {name: value for name, value in values.items() if name not in SHARED}
             values["hypotheses"] = [each.plain(folder) for each in self.hypotheses]
@@ -440,7 +478,7 @@ class Incident:
         names = [each.name for each in fields(cls) if each.init]
         values = checks.known_keys("an incident", data, names, ValueError)
         folder = Path(path).parent
-        _find_files(values, ("tracks", "coast", "area", *FLOWS), folder)
+        _find_files(values, ("tracks", "coast", "area", "no_fly", *FLOWS), folder)
         for each in values.get("hypotheses") or ():
             if isinstance(each, dict):
                 _find_files(each, ("area",), folder)
@@ -479,7 +517,7 @@ def _names_file(name: str, value: str) -> bool:
     """Whether a value names a file."""
     if name == "coast":
         return value not in COASTS
-    if name == "area":
+    if name in OUTLINES:
         return ";" not in value
     return name == "tracks" or Path(value).suffix.lower() in FILES
 
@@ -504,6 +542,8 @@ def _checked(given: dict[str, Any]) -> dict[str, Any]:
         error = f"{name}_error"
         if values[error] is None:
             values[error] = ERRORS[error] if flow.members == 1 else 0.0
+    if given["no_fly"] is not None:
+        values["no_fly"] = read_outline("no_fly", given["no_fly"])
     if values["tracks"] is not None:
         _check_tracks_alone(values, given)
     values["flown"] = _flown(values)
@@ -514,8 +554,9 @@ def _fleet(values: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     """What the incident states of all drones, and each of them."""
     stated = {name: given[name] for name in STATED if given[name] is not None}
     read = Drone(**stated).given()
-    if given["ceiling"] is not None:
-        read["ceiling"] = CEILING.read("ceiling", given["ceiling"])
+    for name in LIMITS:
+        if given[name] is not None:
+            read[name] = HEIGHT.read(name, given[name])
     reserve = read.get("reserve", USUAL_RESERVE * read["endurance"])
     if reserve >= read["endurance"]:
         raise ValueError(
@@ -529,14 +570,15 @@ def _fleet(values: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     _check_used(given, fleet)
     count = len(fleet) or checks.integer("drones", 3 if drones is None else drones, 1, MOST_DRONES)
     shared = {"aircraft": COPTER, "base": values["base"], "reserve": None, **read}
-    for name in ("altitude", "ceiling"):
+    for name in ("altitude", *LIMITS):
         shared.pop(name, None)
     drones = fleet or [Drone() for _ in range(count)]
     craft = completed(drones, shared, values["start"], partial(_swaths, values))
     unplaced = sum(each.altitude is None for each in craft)
-    heights = _heights({"altitude": None, "ceiling": None, **read, "drones": unplaced})
+    unknown = dict.fromkeys(("altitude", "ceiling", "floor"))
+    heights = _heights({**unknown, **read, "drones": unplaced})
     craft = at_heights(craft, **heights)
-    _check_craft(values, craft)
+    _check_craft(values | heights, craft)
     start = min(each.take_off for each in craft)
     read |= heights | {"reserve": reserve, "fleet": tuple(fleet), "drones": count, "start": start}
     return read | {"craft": tuple(craft)}
@@ -590,25 +632,37 @@ def _check_craft(values: dict[str, Any], craft: Sequence[Drone]) -> None:
             raise ValueError(
                 f"take_off of {each.name} must not be before time, {latest}, got {each.take_off}"
             )
+        if each.kind == "drone" and not values["floor"] <= each.altitude <= values["ceiling"]:
+            raise ValueError(
+                f"altitude of {each.name} must be from the floor, {values['floor']:g} m, to the "
+                f"ceiling, {values['ceiling']:g} m, got {each.altitude:g} m"
+            )
         _check_near(f"base of {each.name}", values["origin"].position, each.base)
         _check_start(f"take_off of {each.name}", values["origin"].time, each.take_off)
 
 
 def _heights(values: dict[str, Any]) -> dict[str, float]:
-    """The altitude of the first drone and the ceiling, where they are not given."""
+    """The altitude of the first drone, the ceiling and the floor, where they are not given."""
     altitude = values["altitude"]
     ceiling = values["ceiling"]
+    floor = values["floor"]
     if ceiling is None:
-        ceiling = max(USUAL_CEILING, altitude or 0.0)
+        ceiling = max(USUAL_CEILING, altitude or 0.0, floor or 0.0)
+    if floor is not None and not floor <= (ceiling if altitude is None else altitude):
+        raise ValueError(
+            f"floor must be at most the altitude and the ceiling, {altitude or ceiling:g} m, got "
+            f"{floor:g} m"
+        )
+    lowest = min(LOWEST if floor is None else floor, ceiling)
     if altitude is None:
         room = HEIGHTS_APART * (values["drones"] - 1)
-        altitude = min(USUAL_ALTITUDE, max(ceiling - room, min(LOWEST, ceiling)))
+        altitude = min(max(USUAL_ALTITUDE, floor or 0.0), max(ceiling - room, lowest))
     if altitude > ceiling:
         raise ValueError(
             f"altitude must be at most the ceiling, {ceiling:g} m, got {altitude:g} m; raise the "
             "ceiling if drones may fly there"
         )
-    return {"altitude": altitude, "ceiling": ceiling}
+    return {"altitude": altitude, "ceiling": ceiling, "floor": min(lowest, altitude)}
 
 
 def _coast(value: object) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from DroneSwarmSearch._internal.arrays import Floats, Pair
 from DroneSwarmSearch.geo import units
 from DroneSwarmSearch.geo.plane import TangentPlane
-from DroneSwarmSearch.geo.polygons import Polygon, polygons_of, shapely_package
+from DroneSwarmSearch.geo.polygons import Polygon, on_plane, polygons_of, shapely_package
 
 SDS = 4.0  # standard deviations, beyond which nobody is
 
@@ -238,11 +238,7 @@ class Area(Place):
 
     def _on(self, plane: TangentPlane) -> Any:
         """The polygons on a plane."""
-
-        def in_metres(degrees: Floats) -> Floats:
-            return plane.metres(degrees[:, 1], degrees[:, 0])
-
-        return shapely_package().transform(self.polygons, in_metres)
+        return on_plane(self.polygons, plane)
 
     def outlines(self, plane: TangentPlane) -> list[Floats]:
         polygons: list[Polygon] = polygons_of(self._on(plane))

@@ -13,6 +13,7 @@ import numpy as np
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.progress import progress
+from DroneSwarmSearch.geo.sun import next_sunrise
 from DroneSwarmSearch.geo.units import KNOT
 from DroneSwarmSearch.incident.choice import (
     CannotFlyError,
@@ -24,7 +25,7 @@ from DroneSwarmSearch.incident.choice import (
     refusal,
 )
 from DroneSwarmSearch.incident.coast import Coast
-from DroneSwarmSearch.incident.drone import DroneInWind
+from DroneSwarmSearch.incident.drone import DroneInWind, drone_in_wind
 from DroneSwarmSearch.incident.families import Area, Boxes, FreePatterns, Shape
 from DroneSwarmSearch.incident.flight_plan import Alternative, Delay, FlightPlan
 from DroneSwarmSearch.incident.flights import Flight, Waypoint, least_distance
@@ -93,6 +94,8 @@ def plan(
             raise ValueError(
                 "seconds cannot be given together with method 'manual', which improves nothing"
             )
+    for number in range(len(incident.craft)):
+        check_light(incident, number)
     figures = simulate(incident, FIGURES, 0)
     if method == MANUAL:
         area = Area(incident, figures)
@@ -106,6 +109,21 @@ def plan(
     if with_alternatives:
         made = replace(made, alternatives=tuple(alternatives(made)))
     return made
+
+
+def check_light(incident: Incident, number: int) -> None:
+    """Raise a ValueError for a drone that takes off by night, unless it is one for the night."""
+    drone = drone_in_wind(incident, number)
+    if drone.light > 0.0:
+        return
+    where = incident.origin.position
+    take_off = drone.craft.take_off
+    rises = next_sunrise(where, take_off)
+    day = "does not rise that day" if rises is None else f"rises at {rises:%H:%M}"
+    raise ValueError(
+        f"start must be by day, unless drones are for the night (night), got {take_off:%H:%M} UTC "
+        f"for {drone.craft.label}, when the sun is down; it {day}"
+    )
 
 
 def _best(incident: Incident, figures: Particles, deadline: Deadline) -> FlightPlan:
@@ -309,14 +327,14 @@ def _kept_apart(
 def _waypoints(incident: Incident, drone: DroneInWind, flown: Floats) -> list[Waypoint]:
     """The waypoints of what `Drone.fly` returns."""
     points: Floats = incident.plane.degrees(flown[:, 1:])
-    last = len(flown) - 1
+    searching = [*drone.searches(flown).tolist(), False]
     return [
         Waypoint(
             time=incident.origin.at(drone.take_off + seconds),
             latitude=latitude,
             longitude=longitude,
             altitude=drone.height,
-            searching=0 < row < last,
+            searching=searching[row],
         )
         for row, (seconds, (latitude, longitude)) in enumerate(
             zip(flown[:, 0].tolist(), points.tolist(), strict=True)

@@ -99,6 +99,7 @@ def draw(plan: FlightPlan, drones: Sequence[int]) -> Figure:
     sheet.draw_graticule()
     sheet.draw_current()
     sheet.draw_drift()
+    sheet.draw_no_fly()
     sheet.draw_positions()
     sheet.draw_flights()
     sheet.draw_legend()
@@ -315,6 +316,21 @@ class _Sheet:
                 self._draw_position(points[0], symbols="oP", size=8, name=label, up=up, away="")
             else:
                 self._axes.plot(*points.T, "k:", linewidth=1.4, label=label, zorder=8)
+
+    def draw_no_fly(self) -> None:
+        """Draw the areas that nobody enters, hatched."""
+        label = "no-fly area"
+        for mark in self._incident.no_fly_marks:
+            self._axes.fill(
+                *mark.points.T,
+                facecolor="none",
+                edgecolor="0.2",
+                hatch="xx",
+                linewidth=1.0,
+                label=label,
+                zorder=7,
+            )
+            label = "_"
 
     def _draw_position(
         self, at: Floats, *, symbols: str, size: float, name: str, up: int, away: str

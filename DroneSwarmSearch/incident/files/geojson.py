@@ -19,7 +19,7 @@ from DroneSwarmSearch.incident.incident import Mark
 
 def geojson(plan: FlightPlan) -> str:
     """The content of plan.geojson."""
-    features = [_mark(plan, mark) for mark in plan.incident.marks]
+    features = [_mark(plan, mark) for mark in [*plan.incident.marks, *plan.incident.no_fly_marks]]
     land = land_of(plan)
     if land:
         polygons = [[outline.tolist() for outline in polygon] for polygon in land]

@@ -95,7 +95,9 @@ def _data(plan: FlightPlan) -> dict[str, Any]:
         "parallels": _round_lines(plan, low, high, axis=1),
         "meridians": _round_lines(plan, low, high, axis=0),
         "land": [[outline.round(0).tolist() for outline in polygon] for polygon in polygons],
-        "marks": [mark.points.round(1).tolist() for mark in incident.marks],
+        "marks": [
+            mark.points.round(1).tolist() for mark in [*incident.marks, *incident.no_fly_marks]
+        ],
         "flights": [_flight(plan, drone) for drone in range(len(plan.flights))],
         "persons": _persons(plan, duration),
         "success": {"step": SUCCESS_STEP, "values": _success(plan, duration)},

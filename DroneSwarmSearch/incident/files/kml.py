@@ -62,7 +62,7 @@ def kml(plan: FlightPlan, overlays: list[Overlay]) -> bytes:
     land = land_of(plan)
     if land:
         _add_land(document, land)
-    for mark in plan.incident.marks:
+    for mark in [*plan.incident.marks, *plan.incident.no_fly_marks]:
         line = mark_in_degrees(plan, mark)
         kind = "Point" if len(line) == 1 else "LineString"
         add(document, "Placemark", name=mark.name, **{kind: _shape(line, 0)})

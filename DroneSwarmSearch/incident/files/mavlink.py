@@ -14,6 +14,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.extras import needed
+from DroneSwarmSearch.geo.polygons import polygons_of
 from DroneSwarmSearch.incident.drone import drone_in_wind
 from DroneSwarmSearch.incident.fleet import PLANE
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
@@ -158,16 +159,34 @@ def qgroundcontrol(plan: FlightPlan, drone: int, items: list[Item]) -> str:
         "plannedHomePosition": _base(plan, drone),
         "items": [_simple_item(number, item) for number, item in enumerate(items, 1)],
     }
-    fence = {"version": 1, "inclusion": True, "polygon": _fence(plan, drone, items)}
+    polygons = [(True, _fence(plan, drone, items)), *((False, each) for each in _no_fly(plan))]
+    fences = [
+        {"version": 1, "inclusion": inclusion, "polygon": polygon}
+        for inclusion, polygon in polygons
+    ]
     whole = {
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
         "mission": mission,
-        "geoFence": {"version": 2, "circles": [], "polygons": [fence]},
+        "geoFence": {"version": 2, "circles": [], "polygons": fences},
         "rallyPoints": {"version": 2, "points": []},
     }
     return json.dumps(whole, indent=1) + "\n"
+
+
+def _no_fly(plan: FlightPlan) -> list[list[list[float]]]:
+    """The corners of the areas that nobody enters, (latitude, longitude)."""
+    areas = plan.incident.forbidden
+    if areas is None:
+        return []
+    return [
+        [
+            [round(latitude, 7), round(longitude, 7)]
+            for latitude, longitude in plan.incident.plane.degrees(outline[:-1]).tolist()
+        ]
+        for outline, *_ in polygons_of(areas)
+    ]
 
 
 def _base(plan: FlightPlan, drone: int) -> list[float]:
