@@ -25,8 +25,11 @@ def named_search(name: str) -> NamedSearch:
     Raises:
         ValueError: there is no such search, or the file does not hold one.
     """
+    held_out = _held_out(name)
+    if held_out is not None:  # their border is a part of the task
+        return held_out
     found = _of_incident(Path(name)) if name.endswith(".json") else None
-    found = found or _held_out(name) or search(name)
+    found = found or search(name)
     scenario = found.scenario
     warn_of_mass_beyond(
         scenario.persons or (), scenario.grid_size, scenario.timestep_limit, stacklevel=2
