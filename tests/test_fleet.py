@@ -254,3 +254,23 @@ def test_drones_fly_between_the_floor_and_the_ceiling(values, heights):
 def test_heights_that_contradict_each_other_are_refused(values, message):
     with pytest.raises(ValueError, match=message):
         Incident(**{**KNOWN, **values})
+
+
+def test_unlike_drones_find_more_together_than_one_of_them(mixed):
+    """Each flies where it finds most, given the others."""
+    alone = [
+        plan(Incident(**known_for(drone), fleet=[drone]), seconds=1).probability_of_success
+        for drone in (MIXED[0], MIXED[2])
+    ]
+    assert mixed.probability_of_success > max(alone) + 0.05
+
+
+def known_for(drone):
+    """What the incident states, without what the drone does."""
+    return {name: value for name, value in KNOWN.items() if name not in drone}
+
+
+def test_a_drone_that_cannot_search_is_named():
+    far = {"name": "Bravo", "base": (54.5, 7.0)}
+    with pytest.raises(ValueError, match=r"(speed|endurance) of Bravo must"):
+        plan(Incident(**KNOWN, fleet=[{}, far]), seconds=1)

@@ -210,7 +210,7 @@ def _drawn(area: Area, number: int, rng: np.random.Generator) -> list[FreePatter
             if len(drawn) == DRAWN:
                 break
     if not drawn:
-        raise CannotFlyError(refusal(area))
+        raise CannotFlyError(refusal(area, number))
     return drawn
 
 
@@ -240,16 +240,20 @@ def _left(tried: _Tried[Any]) -> float:
     return tried.left
 
 
-def refusal(area: Area) -> str:
-    """Why no drone can search, and what would help."""
-    drone = area.drones[0]
+def refusal(area: Area, number: int | None = None) -> str:
+    """Why a drone cannot search, by default the one with the least time, and what would help."""
+    if number is None:
+        times = [drone.time_around(area.middle) for drone in area.drones]
+        number = int(np.argmin(times))
+    drone = area.drones[number]
+    whose = "" if area.is_uniform else f" of {drone.craft.label}"
     there, back = drone.ways(area.middle)
     both_ways = there + back + 2 * drone.climbing
     if math.isnan(both_ways):
         blows = float(np.hypot(*drone.wind(np.zeros(1), area.middle[:, None]))[0])
         return (
-            f"speed must exceed the headwind, {blows:.1f} m/s at the height of the flight, got "
-            f"{drone.airspeed:g} m/s: use drones of {blows / (1 - SLOWEST):.0f} m/s, fly "
+            f"speed{whose} must exceed the headwind, {blows:.1f} m/s at the height of the flight, "
+            f"got {drone.airspeed:g} m/s: use drones of {blows / (1 - SLOWEST):.0f} m/s, fly "
             "lower, or wait until there is less wind"
         )
     if area.incident.forbidden is not None:
@@ -258,7 +262,7 @@ def refusal(area: Area) -> str:
             f"{area.incident.no_fly!r:.100}: take off elsewhere, or use drones that fly longer"
         )
     return (
-        f"endurance must leave time to search, got {drone.endurance / 60:.0f} minutes without "
-        f"the reserve, of which the way to the area and back takes {both_ways / 60:.0f}: take "
-        "off nearer or earlier, or use drones that fly longer or faster"
+        f"endurance{whose} must leave time to search, got {drone.endurance / 60:.0f} minutes "
+        f"without the reserve, of which the way to the area and back takes {both_ways / 60:.0f}: "
+        "take off nearer or earlier, or use drones that fly longer or faster"
     )

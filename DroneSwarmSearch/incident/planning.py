@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -147,13 +148,17 @@ def _chosen(
     """The best adjacent boxes and the best free patterns, improved until the deadline.
 
     Both begin on few particles and are improved on many. There are no free patterns if the time is
-    up before each drone has one.
+    up before each of several equal drones has one.
     """
 
     def report(done: float) -> None:
         on_progress(min(max(done, deadline.elapsed), 1.0) if deadline.is_set else done)
 
     effort = Effort(deadline)
+    drawn = None
+    if not few.is_uniform:  # one rectangle suits them badly: each first has a pattern of its own
+        with contextlib.suppress(CannotFlyError):
+            drawn = free_patterns(few, [], Effort(Deadline(None)))
     try:
         boxes = first_boxes(few, effort)
     except CannotFlyError:  # perhaps because of land: patterns of their own may do
@@ -162,7 +167,7 @@ def _chosen(
     report(0.3)
     boxes = better_boxes(many, boxes, effort)
     report(0.5)
-    drawn = free_patterns(few, [], effort)
+    drawn = drawn or free_patterns(few, [], effort)
     report(0.8)
     if drawn is None:
         return [boxes]
