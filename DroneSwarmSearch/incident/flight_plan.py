@@ -34,6 +34,7 @@ from DroneSwarmSearch.incident.particles import Particles
 from DroneSwarmSearch.incident.patterns import Pattern
 
 MARGIN = 0.1  # around everything that files show, as a share of its size
+WIDER = 2.5  # what lies far away is not shown if files became so many times as wide
 MENTIONED = 0.005  # the least share of persons who strand that is mentioned
 HOLDS = 2.0  # percentage points that a plan may lose by a late take-off and still holds
 
@@ -230,16 +231,25 @@ class FlightPlan:
 
     @cached_property
     def extent(self) -> tuple[Floats, Floats]:
-        """The corners, (east, north) in metres, of an area with all flights and most persons."""
+        """The corners, (east, north) in metres, of an area with all searches and most persons.
+
+        Bases, and what is known of where persons were, are in it unless they are far away.
+        """
         incident = self.incident
-        seen = [track(flight, incident.plane) for flight in self.flights]
+        tracks = [track(flight, incident.plane) for flight in self.flights]
+        seen = [points[1:-1] for points in tracks]
         for time in (self.on_scene, self.landed):
             positions = self.particles.at(incident.seconds(time))
             seen.append(np.percentile(positions, (0.1, 99.9), axis=0))
-        seen += [mark.points for mark in incident.marks]
         points = np.vstack(seen)
         low = points.min(axis=0)
         high = points.max(axis=0)
+        for others in (*tracks, *(mark.points for mark in incident.marks)):
+            wider_low = np.minimum(low, others.min(axis=0))
+            wider_high = np.maximum(high, others.max(axis=0))
+            if (wider_high - wider_low).max() <= WIDER * (high - low).max():
+                low = wider_low
+                high = wider_high
         margin = MARGIN * (high - low).max()
         return low - margin, high + margin
 

@@ -42,7 +42,7 @@ def log_page(plan: FlightPlan) -> str:
 <p>{escape(" ".join([plan.incident.sentence, *plan.earlier]))}</p>
 </header>
 <main>
-<section class="orders" aria-label="Sorties">
+<section class="orders" style="grid-column: 1 / -1" aria-label="Sorties">
 <div class="wide"><table>
 <thead><tr>{heads}</tr></thead>
 <tbody>
