@@ -210,6 +210,7 @@ def test_a_fleet_is_a_table(tmp_path, capsys):
     [
         ({"fleet": [{"speeed": 3}]}, "speeed"),
         ({"fleet": [{"speed": "-3m/s"}]}, r"fleet\[0\]: speed: "),
+        ({"aircraft": "helicopter", "speed": 30}, "aircraft must be .* a helicopter is a row of a"),
         ({"fleet": "no.csv"}, "there is no 'no.csv'"),
         ({"fleet": [{}, {}], "drones": 3}, "drones cannot be given together with fleet"),
         ({"fleet": [{"speed": 30}], "speed": 25}, "speed cannot be given together with a fleet"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -153,6 +153,11 @@ class Drone:
     def airborne(self) -> float:
         """Seconds from its take-off to its landing, at most."""
         return self.endurance - self.reserve
+
+    @property
+    def latest_landing(self) -> datetime:
+        """When it has landed at the latest."""
+        return self.take_off + timedelta(seconds=self.airborne)
 
     def landed(self, name: str) -> Drone:
         """The same with a name, which takes off again when the incident says."""

@@ -156,10 +156,10 @@ class Hypothesis:
         """What happened, in words."""
         return f"{self.target} {self.place.words}, {self.when}"
 
-    def plain(self, folder: Path | None = None) -> dict[str, Any]:
+    def plain(self, folder: Path) -> dict[str, Any]:
         """The values that were given, for a file in a folder from which its paths count."""
         values = dict(self.typed)
-        if isinstance(self.area, str) and folder is not None:
+        if isinstance(self.area, str):
             values["area"] = os.path.relpath(self.area, folder)
         return values
 

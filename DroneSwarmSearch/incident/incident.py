@@ -29,6 +29,7 @@ from DroneSwarmSearch.geo.units import LENGTH, SPEED, Quantity
 from DroneSwarmSearch.incident.by_class import ByClass, check_classes
 from DroneSwarmSearch.incident.fleet import (
     COPTER,
+    DRONES,
     HEIGHTS_APART,
     LOWEST,
     USUAL,
@@ -206,7 +207,7 @@ class Incident:
         turn: seconds in which a drone turns by a right angle.
         climb: the speed with which drones climb after the take-off, and sink to land.
         aircraft: for which missions are written: "copter" or "plane", with ArduPilot or PX4; or
-            "dji", which fly at most 15 m/s over the ground. Or "helicopter" and "boat".
+            "dji", which fly at most 15 m/s over the ground. Helicopters and boats are in a fleet.
         night: whether drones can search after sunset; else they take off by day, and have ended
             their search when the sun sets at the origin.
         no_fly: areas that no drone and no helicopter enters, as for `area`: a GeoJSON file with
@@ -360,7 +361,7 @@ class Incident:
     @property
     def landed(self) -> datetime:
         """When all have landed at the latest."""
-        return max(drone.take_off + timedelta(seconds=drone.airborne) for drone in self.craft)
+        return max(drone.latest_landing for drone in self.craft)
 
     @property
     def airborne(self) -> float:
@@ -455,8 +456,8 @@ class Incident:
         """The text of a file that will lie in a folder, from which its paths count."""
         values = {name: value for name, value in self._values.items() if _is_given(name, value)}
         for name in OUTLINES:
-            outline = values.get(name)
-            if isinstance(outline, (str, os.PathLike)) and ";" not in str(outline):
+            outline = getattr(self, name)
+            if isinstance(outline, str):  # a file
                 values[name] = os.path.relpath(outline, folder)
         if self.hypotheses:  # they are complete
             values = {name: value for name, value in values.items() if name not in SHARED}
@@ -535,7 +536,7 @@ def _checked(given: dict[str, Any]) -> dict[str, Any]:
     for name in FLOWS:
         values[name] = read_flow(name, values[name], values["origin"])
     values |= _fleet(values, given)
-    landed = max(each.take_off + timedelta(seconds=each.airborne) for each in values["craft"])
+    landed = max(each.latest_landing for each in values["craft"])
     for name in FLOWS:
         flow = values[name]
         flow.check_times(landed)
@@ -554,6 +555,11 @@ def _fleet(values: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     """What the incident states of all drones, and each of them."""
     stated = {name: given[name] for name in STATED if given[name] is not None}
     read = Drone(**stated).given()
+    if read["aircraft"] in USUAL:
+        raise ValueError(
+            f"aircraft must be that of drones, {', '.join(DRONES)}, because a {read['aircraft']} "
+            "is a row of a fleet"
+        )
     for name in LIMITS:
         if given[name] is not None:
             read[name] = HEIGHT.read(name, given[name])

@@ -96,7 +96,7 @@ def plan(
                 "seconds cannot be given together with method 'manual', which improves nothing"
             )
     for number in range(len(incident.craft)):
-        check_light(incident, number)
+        _check_light(incident, number)
     figures = simulate(incident, FIGURES, 0)
     if method == MANUAL:
         area = Area(incident, figures)
@@ -112,7 +112,7 @@ def plan(
     return made
 
 
-def check_light(incident: Incident, number: int) -> None:
+def _check_light(incident: Incident, number: int) -> None:
     """Raise a ValueError for a drone that takes off by night, unless it is one for the night."""
     drone = drone_in_wind(incident, number)
     if drone.light > 0.0:
