@@ -227,7 +227,7 @@ class TestCommenceSearchPoint:
         begun = begun_at_sea(given, drone, coast)
         flown = drone.fly(begun)
         assert flown is not None
-        scene = flown[1, 1:]
+        scene = flown.points[1, 1:]
         as_read = incident.plane.metres(*(np.round(600 * incident.plane.degrees(scene)) / 600))
         assert not coast.is_land(np.array([scene, as_read]).T).any()
         assert begun.begin % 10 == 0

@@ -17,12 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from documents import DOCS, ROOT, blocks, path_of
+from documents import DOCS, PAGES, ROOT, blocks, path_of
 from helpers import few_pictures
 from trainer_examples import QUIET_RAY
 
 from DroneSwarmSearch import cli
 from DroneSwarmSearch.bound import success as bound
+from DroneSwarmSearch.incident import choice, planning
 
 PAGES_WITH_LINKS = [*sorted(ROOT.glob("*.md")), *DOCS]
 
@@ -48,14 +49,30 @@ BENCH_BRIEFLY = "--rounds 1 --steps 20 --environments 20"
 TIMEOUT = 120.0  # seconds for a command; code blocks with an RL library get five times as long
 
 
-def brief_flights(arguments: list[str]) -> list[str]:
-    """The arguments of a plan, for one drone and a few minutes."""
-    brief = [*arguments, "--endurance", "10min"]
-    if "--drones" in brief:
-        brief[brief.index("--drones") + 1] = "1"
-    else:
-        brief += ["--drones", "1"]
-    return brief
+@pytest.fixture
+def brief_plans(monkeypatch):
+    """Let plans take little work: few persons and few patterns."""
+    monkeypatch.setattr(planning, "FEW", 200)
+    monkeypatch.setattr(planning, "MANY", 300)
+    monkeypatch.setattr(planning, "FIGURES", 1000)
+    monkeypatch.setattr(planning, "LAPS", 1)
+    monkeypatch.setattr(planning, "QUICK", 1)
+    monkeypatch.setattr(choice, "GENERATIONS", 1)
+    monkeypatch.setattr(choice, "BOXES_DRAWN", 6)
+    monkeypatch.setattr(choice, "DRAWN", 6)
+
+
+def fleets() -> dict[str, str]:
+    """The files of fleets that pages show, "`bases.csv` and its command", by name."""
+    found = {}
+    for page in PAGES:
+        shown = re.findall(
+            r"`(\w+\.csv)` and its command.*?^```text\n(.*?)^```$",
+            page.read_text("utf-8"),
+            re.M | re.S,
+        )
+        found |= dict(shown)
+    return found
 
 
 @pytest.fixture(autouse=True)
@@ -217,17 +234,28 @@ def test_slow_commands_use_existing_options(command):
     assert [option for option in options if not re.search(rf"{option}\b", known)] == []
 
 
+@pytest.fixture(scope="module")
+def first_plan(tmp_path_factory):
+    """The folder of the first plan on a page, with which later ones begin."""
+    folder = tmp_path_factory.mktemp("first")
+    first = next(each.arguments for each in commands() if "--position" in each.arguments)
+    with pytest.MonkeyPatch.context() as patch:
+        run_here([*first, "--no-alternatives"], folder, patch)
+    return folder / "plan"
+
+
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("command", command_params(slow=False))
-def test_command(command, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("brief_plans")
+def test_command(command, first_plan, tmp_path, monkeypatch):
     """Every command runs, with few episodes or steps, in a folder with the scripts of a clone."""
     arguments = list(command.arguments)
     if "--ray" in command.arguments:
         skip_without("ray")
     elif command.script == "examples/random_searches.py":
         arguments += ["--seed", "11"]  # a small search
-    if arguments[2:3] == ["plan"]:
-        arguments = brief_flights(arguments)
+    elif arguments[2:3] == ["plan"] and arguments[-1] != "plan":
+        arguments.append("--no-alternatives")
     for option, most in MOST.items():
         if option in arguments:
             place = arguments.index(option) + 1
@@ -235,8 +263,9 @@ def test_command(command, tmp_path, monkeypatch):
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     shutil.copy(ROOT / "basic_env.py", tmp_path)
     if "--after" in arguments:
-        first = next(each.arguments for each in commands() if "--position" in each.arguments)
-        run_here(brief_flights(first), tmp_path, monkeypatch)
+        shutil.copytree(first_plan, tmp_path / "plan")
+    for name, text in fleets().items():
+        (tmp_path / name).write_text(text, "utf-8")
     if "--ray" in command.arguments or "--workers" in arguments:
         printed = run_python(arguments, tmp_path)
     else:

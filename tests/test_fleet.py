@@ -215,6 +215,12 @@ def test_a_fleet_is_a_table(tmp_path, capsys):
         ({"fleet": [{}, {}], "drones": 3}, "drones cannot be given together with fleet"),
         ({"fleet": [{"speed": 30}], "speed": 25}, "speed cannot be given together with a fleet"),
         ({"fleet": [{"take_off": "06:40Z"}], "start": "06:50Z"}, "start cannot be given together"),
+        ({"visibility": "5NM"}, "visibility matters only for helicopters and boats"),
+        ({"visibility": "5NM", "fleet": [{"name": "A"}]}, "visibility matters only"),
+        (
+            {"visibility": "5NM", "fleet": [{"aircraft": "boat", "swath": 900}]},
+            "visibility matters",
+        ),
         ({"fleet": [{"name": "A"}, {"name": "A"}]}, "fleet must have different names"),
         ({"fleet": [{"base_speed": 3}]}, "base_course must be given with base_speed"),
         ({"fleet": [{"base_speed": 3, "base_course": 5}]}, "base_time, when the ship is at base"),
@@ -275,3 +281,13 @@ def test_a_drone_that_cannot_search_is_named():
     far = {"name": "Bravo", "base": (54.5, 7.0)}
     with pytest.raises(ValueError, match=r"(speed|endurance) of Bravo must"):
         plan(Incident(**KNOWN, fleet=[{}, far]), seconds=1)
+
+
+def test_another_fleet_forgets_what_only_the_first_one_took():
+    first = [{"name": "A"}, {"name": "B", "aircraft": "boat"}]
+    incident = Incident(**{**KNOWN, "endurance": "50min"}, fleet=first, visibility="5NM")
+    again = incident.changed(fleet=[{"name": "C", "endurance": "30min"}])
+    assert again.visibility == Incident(**KNOWN).visibility
+    assert [each.endurance for each in again.craft] == [1800.0]
+    with pytest.raises(ValueError, match="endurance cannot be given together with a fleet"):
+        incident.changed(fleet=[{"name": "C", "endurance": "30min"}], endurance="40min")

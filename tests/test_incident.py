@@ -230,9 +230,10 @@ def test_every_leg_can_be_flown_in_the_wind_and_the_drone_returns(
     values["base"] = (54.21, 7.84)
     incident = Incident(**{**KNOWN, **values, "wind": later if veers else wind})
     drone = drone_in_wind(incident, 2)
-    flight = drone.fly(pattern)
-    if flight is None:
+    flown = drone.fly(pattern)
+    if flown is None:
         return
+    flight = flown.points
     base = incident.plane.metres(*incident.base)
     assert flight[[0, -1], 1:] == pytest.approx(np.array([base, base]), abs=1e-6)
     assert flight[0, 0] == 0 and flight[-1, 0] <= endurance - reserve + 1e-6
@@ -349,8 +350,8 @@ def test_plans_beat_a_rectangle_around_the_middle(plan):
     for number in range(2):
         flown = drone_in_wind(incident, number).fly(replace(usual, drift=np.zeros(2), side=1))
         assert flown is not None
-        flown[:, 0] += incident.seconds(incident.start)
-        legs = np.stack([flown[1:-1], flown[2:]], axis=1)
+        points = flown.points + [incident.seconds(incident.start), 0, 0]
+        legs = np.stack([points[1:-1], points[2:]], axis=1)
         missed *= plan.particles.missed(legs, incident.craft[number])
     assert plan.probability_of_success > 1 - missed.mean() + 0.05
 

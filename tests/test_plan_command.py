@@ -448,7 +448,13 @@ def test_a_folder_holds_one_plan(plan, small, tmp_path):
 def only_one(plan):
     """The plan for the first drone alone."""
     incident = plan.incident.changed(drones=1)
-    return replace(plan, incident=incident, flights=plan.flights[:1], patterns=plan.patterns[:1])
+    return replace(
+        plan,
+        incident=incident,
+        flights=plan.flights[:1],
+        searches=plan.searches[:1],
+        patterns=plan.patterns[:1],
+    )
 
 
 @pytest.mark.usefixtures("quick_maps")
@@ -457,6 +463,7 @@ def test_many_drones_then_one(plan, tmp_path):
         plan,
         incident=plan.incident.changed(drones=9),
         flights=plan.flights * 3,
+        searches=plan.searches * 3,
         patterns=plan.patterns * 3,
     )
     write(crowd, tmp_path)

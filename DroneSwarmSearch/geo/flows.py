@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints, Pair
+from DroneSwarmSearch.geo import units
 from DroneSwarmSearch.geo.plane import EQUATOR, TangentPlane
 from DroneSwarmSearch.geo.times import DAY
 from DroneSwarmSearch.geo.units import KNOT
@@ -24,6 +25,9 @@ from DroneSwarmSearch.geo.units import KNOT
 CHANGE = 1.0  # seconds in which a flow turns into another one, because series are interpolated
 
 Clock = Callable[[datetime], str]  # a time in words
+
+Typed = str | list[str] | list[float] | dict[str, list[float]]
+"""A text, texts with times, a vector, or vectors by the seconds after the origin."""
 
 
 @dataclass(frozen=True)
@@ -166,8 +170,8 @@ class Flow(ABC):
     # In words.
 
     @abstractmethod
-    def as_typed(self, folder: str) -> str | list[str]:
-        """What `read_flow` reads again; a file counts from a folder."""
+    def as_typed(self, folder: str) -> Typed:
+        """What `read_flow` reads again, exactly; a file counts from a folder."""
 
     @abstractmethod
     def described(self, clock: Clock) -> str:
@@ -183,9 +187,14 @@ class Flow(ABC):
         degrees, speed = self.course(vector)
         return f"{degrees:03.0f}° {speed / KNOT:.2g} kn ({speed:.2g} m/s)"
 
-    def _typed(self, vector: Pair) -> str:
+    def _typed(self, vector: Pair) -> str | None:
+        """A vector as people type it; None if that is another vector, because it is rounded."""
         degrees, speed = self.course(vector)
-        return f"{degrees:g}° {speed / KNOT:.6g} kn"
+        direction = f"{degrees:g}°"
+        knots = f"{speed / KNOT:.6g} kn"
+        towards = units.wind_from if self.kind == "wind" else units.current_towards
+        read = towards(units.direction(direction), units.quantity(knots, units.SPEED))
+        return f"{direction} {knots}" if read == vector else None
 
     @property
     def _preposition(self) -> str:
@@ -217,8 +226,8 @@ class Constant(Flow):
     def vectors_from(self, seconds: float) -> dict[float, Pair]:
         return {seconds: self.vector}
 
-    def as_typed(self, folder: str) -> str:
-        return self._typed(self.vector)
+    def as_typed(self, folder: str) -> Typed:
+        return self._typed(self.vector) or list(self.vector)
 
     def described(self, clock: Clock) -> str:
         if not any(self.vector):
@@ -274,13 +283,16 @@ class Series(Flow):
     def vectors_from(self, seconds: float) -> dict[float, Pair]:
         return dict(self.vectors)
 
-    def as_typed(self, folder: str) -> list[str]:
+    def as_typed(self, folder: str) -> Typed:
         texts = []
         for seconds, vector in self.vectors.items():
+            text = self._typed(vector)
+            if text is None:
+                return {repr(seconds): list(vector) for seconds, vector in self.vectors.items()}
             when = self.origin.at(seconds)
             exact = "auto" if when.second or when.microsecond else "minutes"
             stamp = when.isoformat(timespec=exact).replace("+00:00", "Z")
-            texts.append(f"{self._typed(vector)}@{stamp}")
+            texts.append(f"{text}@{stamp}")
         return texts
 
     def described(self, clock: Clock) -> str:

@@ -118,9 +118,18 @@ def _from_mapping(kind: str, flow: Mapping[Any, Any], origin: Origin) -> Series:
     vectors: dict[float, Pair] = {}
     for time, value in flow.items():
         read = _typed if isinstance(value, str) else _vector
-        vectors[checks.real(f"a time of {kind}", time)] = read(kind, f"{kind}[{time}]", value)
+        seconds = checks.real(f"a time of {kind}", _number(time))
+        vectors[seconds] = read(kind, f"{kind}[{time}]", value)
     in_order = {seconds: vectors[seconds] for seconds in sorted(vectors)}
     return Series(kind, origin, vectors=in_order)
+
+
+def _number(time: Any) -> Any:
+    """A number of seconds, which is a text in JSON files; anything else as it is."""
+    try:
+        return float(time) if isinstance(time, str) else time
+    except ValueError:
+        return time
 
 
 def _typed(kind: str, name: str, text: str) -> Pair:

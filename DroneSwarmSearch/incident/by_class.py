@@ -11,6 +11,9 @@ from DroneSwarmSearch._internal.arrays import Floats
 ByClass = float | tuple[tuple[str, float], ...]
 """A number for all object classes, or a number for each by its key."""
 
+BY_CLASS = ("swath", "probability_of_detection")
+"""The names of such values."""
+
 
 def read_by_class(name: str, value: object, read: Callable[[str, object], float]) -> ByClass:
     """A value for all classes, or one for each: a mapping, pairs, or a text, "PIW-1:100m; ...".
@@ -62,6 +65,11 @@ def of_classes(value: ByClass, classes: Sequence[str]) -> Floats:
         return np.full(max(len(classes), 1), value)
     values = dict(value)
     return np.array([values[kind] for kind in classes])
+
+
+def as_mapping(value: ByClass) -> float | dict[str, float]:
+    """A value as files hold it."""
+    return value if isinstance(value, float) else dict(value)
 
 
 def in_words(value: ByClass, show: Callable[[float], str]) -> str:

@@ -16,8 +16,10 @@ import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats
 from DroneSwarmSearch._internal.extras import needed
+from DroneSwarmSearch.geo.units import radioed
 from DroneSwarmSearch.incident.drone import SLOWEST
 from DroneSwarmSearch.incident.families import Area, Boxes, FreePattern, FreePatterns
+from DroneSwarmSearch.incident.fleet import Drone
 from DroneSwarmSearch.incident.patterns import KINDS
 
 POPULATION = 8  # of a run of CMA-ES
@@ -249,6 +251,8 @@ def refusal(area: Area, number: int | None = None) -> str:
     whose = "" if area.is_uniform else f" of {drone.craft.label}"
     there, back = drone.ways(area.middle)
     both_ways = there + back + 2 * drone.climbing
+    if drone.around is not None and (math.isnan(both_ways) or not drone.craft.is_boat):
+        return _no_way(area, drone.craft)
     if math.isnan(both_ways):
         blows = float(np.hypot(*drone.wind(np.zeros(1), area.middle[:, None]))[0])
         return (
@@ -256,13 +260,21 @@ def refusal(area: Area, number: int | None = None) -> str:
             f"got {drone.airspeed:g} m/s: use drones of {blows / (1 - SLOWEST):.0f} m/s, fly "
             "lower, or wait until there is less wind"
         )
-    if area.incident.forbidden is not None:
-        return (
-            "no_fly must leave a straight way to the area and back, and room to search there, got "
-            f"{area.incident.no_fly!r:.100}: take off elsewhere, or use drones that fly longer"
-        )
     return (
         f"endurance{whose} must leave time to search, got {drone.endurance / 60:.0f} minutes "
         f"without the reserve, of which the way to the area and back takes {both_ways / 60:.0f}: "
         "take off nearer or earlier, or use drones that fly longer or faster"
+    )
+
+
+def _no_way(area: Area, craft: Drone) -> str:
+    """Why a drone cannot search among areas that it does not enter."""
+    if craft.is_boat:
+        return (
+            f"base of {craft.label} must have a way over the sea to the area, got "
+            f"{radioed(craft.base)}"
+        )
+    return (
+        "no_fly must leave a way to the area and back, and room to search there, got "
+        f"{area.incident.no_fly!r:.100}: take off elsewhere, or use drones that fly longer"
     )

@@ -346,12 +346,11 @@ class Area:
         """
         if not self._is_at_sea(pattern):
             return None
-        flight = drone.fly(pattern)
-        if flight is None:
+        flown = drone.fly(pattern)
+        if flown is None:
             return None
-        searching = drone.searches(flight)
-        flight[:, 0] += drone.take_off
-        legs = np.stack([flight[:-1], flight[1:]], axis=1)[searching]
+        points = flown.points + [drone.take_off, 0.0, 0.0]
+        legs = np.stack([points[:-1], points[1:]], axis=1)[drone.searches(flown)]
         return self.particles.missed(legs, drone.craft)
 
     def missed_by(self, number: int, free: FreePattern) -> Floats | None:

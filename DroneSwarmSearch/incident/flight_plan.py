@@ -125,6 +125,8 @@ class FlightPlan:
         incident: the incident.
         patterns: one for each drone.
         flights: the waypoints of each drone, in the order of their times.
+        searches: the rows of each drone's waypoints from its commence search point to where it
+            leaves; others between take-off and landing are corners of ways around no-fly areas.
         particles: the possible persons of all figures; the choice of the patterns has not seen
             them.
         points_more: by how many percentage points free patterns find more than adjacent boxes; None
@@ -138,6 +140,7 @@ class FlightPlan:
     incident: Incident
     patterns: tuple[Pattern, ...] = field(repr=False)
     flights: tuple[list[Waypoint], ...] = field(repr=False)
+    searches: tuple[slice, ...] = field(repr=False)
     particles: Particles = field(repr=False)
     shape: Shape = field(repr=False)
     points_more: float | None = None
@@ -237,7 +240,7 @@ class FlightPlan:
         """
         incident = self.incident
         tracks = [track(flight, incident.plane) for flight in self.flights]
-        seen = [points[1:-1] for points in tracks]
+        seen = [points[rows] for points, rows in zip(tracks, self.searches, strict=True)]
         for time in (self.on_scene, self.landed):
             positions = self.particles.at(incident.seconds(time))
             seen.append(np.percentile(positions, (0.1, 99.9), axis=0))
@@ -260,7 +263,9 @@ class FlightPlan:
     @property
     def on_scene(self) -> datetime:
         """When the first drone is at its commence search point."""
-        return min(flight[1].time for flight in self.flights)
+        pairs = zip(self.flights, self.searches, strict=True)
+        beginnings: list[Waypoint] = [flight[rows.start] for flight, rows in pairs]
+        return min(waypoint.time for waypoint in beginnings)
 
     @property
     def landed(self) -> datetime:
@@ -276,12 +281,23 @@ class FlightPlan:
     @cached_property
     def _order_texts(self) -> list[dict[str, str]]:
         incident = self.incident
+        orders = [
+            Order(
+                incident=incident,
+                number=number,
+                pattern=self.patterns[number],
+                flight=self.flights[number],
+                search=self.searches[number],
+                particles=self.particles,
+            )
+            for number in range(len(self.flights))
+        ]
+        corners_out = max(len(order.way_out) for order in orders)
+        corners_home = max(len(order.way_home) for order in orders)
         texts = []
-        for number, (pattern, flight) in enumerate(zip(self.patterns, self.flights, strict=True)):
-            order = Order(incident, number, pattern, flight, self.particles)
-            legs = legs_of(flight, incident.plane, incident.began)
-            missed = self.particles.missed(legs, incident.craft[number])
-            texts.append(order.values(*order.found(missed)))
+        for order, legs in zip(orders, self.legs, strict=True):
+            contained, detected = order.found(self.particles.missed(legs, order.craft))
+            texts.append(order.values(contained, detected, corners_out, corners_home))
         return texts
 
     @property

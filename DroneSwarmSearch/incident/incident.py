@@ -26,7 +26,7 @@ from DroneSwarmSearch.geo.polygons import on_plane, polygons_of, shapely_package
 from DroneSwarmSearch.geo.times import near
 from DroneSwarmSearch.geo.typed_flows import FILES, read_flow
 from DroneSwarmSearch.geo.units import LENGTH, SPEED, Quantity
-from DroneSwarmSearch.incident.by_class import ByClass, check_classes
+from DroneSwarmSearch.incident.by_class import BY_CLASS, ByClass, as_mapping, check_classes
 from DroneSwarmSearch.incident.fleet import (
     COPTER,
     DRONES,
@@ -342,16 +342,14 @@ class Incident:
         """The areas that nobody enters, with a margin of 100 m; a geometry of shapely, or None."""
         if self.no_fly is None:
             return None
-        areas = on_plane(polygons_in("no_fly", self.no_fly), self.plane).buffer(NO_FLY_MARGIN)
+        areas = on_plane(polygons_in("no_fly", self.no_fly), self.plane)
+        areas = areas.buffer(NO_FLY_MARGIN, join_style="mitre", mitre_limit=2)
         shapely_package().prepare(areas)
         return areas
 
     def land_within(self, farthest: float) -> Land | None:
         """`land`, at least up to a distance; few different distances are read."""
-        reach = NEAR
-        while reach < farthest:
-            reach *= 2
-        return self.land(reach)
+        return self.land(reached(farthest))
 
     @property
     def heights(self) -> tuple[float, ...]:
@@ -463,13 +461,14 @@ class Incident:
             values = {name: value for name, value in values.items() if name not in SHARED}
             values["hypotheses"] = [each.plain(folder) for each in self.hypotheses]
         if self.fleet:
-            values["fleet"] = [each.given() for each in self.fleet]
+            values["fleet"] = [_with_mappings(each.given()) for each in self.fleet]
             del values["drones"]
         for name in FLOWS:
             values[name] = values[name].as_typed(os.fspath(folder))
         for name, value in (("tracks", self.tracks), ("coast", self.coast)):
             if value is not None and value not in COASTS:
                 values[name] = os.path.relpath(value, folder)
+        values = _with_mappings(values)
         return json.dumps(values, indent=1, default=_plain, ensure_ascii=False) + "\n"
 
     @classmethod
@@ -495,17 +494,32 @@ def _find_files(values: dict[str, Any], names: tuple[str, ...], folder: Path) ->
 
 
 def _replaced(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """Values with changes; another place, other hypotheses or a fleet replace what was given."""
+    """Values with changes; another place, other hypotheses or a fleet replace what was given.
+
+    With another fleet, values that none of its drones takes are the usual ones again.
+    """
     if any(name in changes for name in (*PLACES, "hypotheses")):
         values = {**values, **dict.fromkeys(WHERE), "hypotheses": ()}
     if "fleet" in changes:
         values = {**values, "drones": None}
+        usual = {each.name: each.default for each in fields(Incident)}
+        fleet = read_fleet(changes["fleet"]) if changes["fleet"] else []
+        unused = _unused({**usual, **values}, fleet)
+        values |= {name: usual[name] for name in unused}
     return {**values, **changes}
 
 
 def _is_given(name: str, value: object) -> bool:
     """Whether a value that depends on others, or is one of several forms, has been given."""
     return value not in (None, ()) or name not in (*TYPED, *DEPENDENT)
+
+
+def reached(farthest: float) -> float:
+    """A distance in metres, at least as far as another one; one of few."""
+    reach = NEAR
+    while reach < farthest:
+        reach *= 2
+    return reach
 
 
 @lru_cache(maxsize=8)
@@ -613,15 +627,33 @@ def _classes(cases: Sequence[Hypothesis]) -> tuple[str, ...]:
 
 def _check_used(given: dict[str, Any], fleet: Sequence[Drone]) -> None:
     """Raise a ValueError for a value that no drone of a fleet takes from the incident."""
+    unused = _unused(given, fleet)
+    if "visibility" in unused:
+        raise ValueError(
+            "visibility matters only for helicopters and boats of a fleet that do not state their "
+            f"swath, got {given['visibility']!r}: give the swath of drones as it is today"
+        )
+    if unused:
+        raise ValueError(
+            f"{unused[0]} cannot be given together with a fleet in which all have their own"
+        )
+
+
+def _unused(given: dict[str, Any], fleet: Sequence[Drone]) -> list[str]:
+    """The values, other than the usual ones, that no drone of a fleet takes from the incident."""
     usual = {each.name: each.default for each in fields(Incident)}
-    takers = [each.given() for each in fleet if each.aircraft not in USUAL]
+    stated = [each.given() for each in fleet]
+    drones = [own for own in stated if own.get("aircraft") not in USUAL]
+    by_tables = [own for own in stated if own.get("aircraft") in USUAL and "swath" not in own]
+    unused = []
     for name in (*STATED, "start"):
-        own = "take_off" if name == "start" else name
-        users = takers if name not in ("base", "start") else [each.given() for each in fleet]
-        if fleet and given[name] != usual[name] and all(own in each for each in users):
-            raise ValueError(
-                f"{name} cannot be given together with a fleet in which all have their own"
-            )
+        own_name = "take_off" if name == "start" else name
+        users = stated if name in ("base", "start") else drones
+        if fleet and all(own_name in own for own in users):
+            unused.append(name)
+    if not by_tables:
+        unused.append("visibility")
+    return [name for name in unused if given[name] != usual[name]]
 
 
 def _check_craft(values: dict[str, Any], craft: Sequence[Drone]) -> None:
@@ -861,9 +893,15 @@ def _flown(values: dict[str, Any]) -> tuple[FlownFlight, ...]:
     return tuple(flights)
 
 
+def _with_mappings(values: dict[str, Any]) -> dict[str, Any]:
+    """Values, in which those by object class are mappings, as files hold them."""
+    given = {name: as_mapping(values[name]) for name in BY_CLASS if name in values}
+    return values | given
+
+
 def _plain(value: object) -> object:
     """What JSON holds in place of a time or a flown flight."""
     if isinstance(value, FlownFlight):
-        return vars(value)
+        return _with_mappings(vars(value))
     assert isinstance(value, datetime)
     return value.isoformat()

@@ -40,6 +40,7 @@ class Order:
         number: of the drone, from 0.
         pattern: what it flies.
         flight: its waypoints.
+        search: the rows of those from the commence search point to where it leaves.
         particles: possible persons.
     """
 
@@ -47,6 +48,7 @@ class Order:
     number: int
     pattern: Pattern
     flight: Flight
+    search: slice
     particles: Particles
 
     @property
@@ -70,7 +72,17 @@ class Order:
         """
         points = track(self.flight, self.incident.plane)
         over_water = points - self.pattern.drift * self._seconds[:, None]
-        return self._beside(over_water[1:-1])
+        return self._beside(over_water[self.search])
+
+    @property
+    def _on_scene(self) -> Flight:
+        """The waypoints from the commence search point on."""
+        return self.flight[self.search.start :]
+
+    @property
+    def _searching(self) -> Floats:
+        """The times from the commence search point to where it leaves, see `_seconds`."""
+        return self._seconds[self.search]
 
     def _beside(self, points: Floats) -> Floats:
         """Points, (east, north), along and to the right of the first heading, and the reverse."""
@@ -84,6 +96,16 @@ class Order:
         """The lengths of the search legs over the water."""
         lengths: Floats = np.hypot(*np.diff(self._tracks, axis=0).T)
         return lengths
+
+    @property
+    def way_out(self) -> Flight:
+        """The corners of the way to the commence search point."""
+        return self.flight[1 : self.search.start]
+
+    @property
+    def way_home(self) -> Flight:
+        """The corners of the way home."""
+        return self.flight[self.search.stop : -1]
 
     @property
     def reserve(self) -> float:
@@ -111,7 +133,7 @@ class Order:
         near = np.where(start - low <= high - start, low, high)
         far = low + high - near
         corners = np.array([start, near, (far[0], near[1]), far, (near[0], far[1])])
-        metres = self._beside(corners) + self.pattern.drift * self._seconds[1]
+        metres = self._beside(corners) + self.pattern.drift * self._searching[0]
         texts = [radioed(tuple(corner)) for corner in self.incident.plane.degrees(metres)]
         others = dict.fromkeys(texts[1:])  # in their order, each once
         others.pop(texts[0], None)
@@ -149,7 +171,7 @@ class Order:
             that the drone finds.
         """
         particles = self.particles
-        half_way = float(self._seconds[1] + self._seconds[-2]) / 2
+        half_way = float(self._searching[0] + self._searching[-1]) / 2
         since = (self.flight[0].time - self.incident.began).total_seconds()
         inside = self.contains(particles.at(since + half_way), half_way)
         weights = particles.weights * inside
@@ -159,20 +181,25 @@ class Order:
 
     # In words.
 
-    def values(self, contained: float, detected: float) -> dict[str, str]:
+    def values(
+        self, contained: float, detected: float, corners_out: int, corners_home: int
+    ) -> dict[str, str]:
         """The order as names and texts; "" for what does not apply.
 
         Lengths are those that are flown, and times are rounded inwards: nobody is there earlier, or
-        lands later. `contained` and `detected` are POC and POD.
+        lands later. `contained` and `detected` are POC and POD. The numbers of corners are the most
+        that any drone has on its way.
         """
-        first, scene, after_scene = self.flight[:3]
-        leaving = self.flight[-2].time
+        first = self.flight[0]
+        scene, after_scene = self._on_scene[:2]
+        leaving = self.flight[self.search.stop - 1].time
         landing = self.flight[-1].time
         is_sector = self.pattern.kind == SECTOR
         corners = dict(enumerate(self.corners))
         return {
             "drone": self.craft.name,
             "pattern": self.pattern.kind,
+            **_corners("out", self.way_out, corners_out),
             "commence search point": radioed((scene.latitude, scene.longitude)),
             "corner": corners.get(0, ""),
             "next corner": corners.get(1, ""),
@@ -191,6 +218,7 @@ class Order:
             "take-off": f"{up_to_the_minute(first.time):%H:%M}",
             "on scene": f"{up_to_the_minute(scene.time):%H:%M}",
             "leave": f"{down_to_the_minute(leaving):%H:%M}",
+            **_corners("home", self.way_home, corners_home),
             "landing": f"{down_to_the_minute(landing):%H:%M}",
             "reserve at landing": f"{self.reserve // 60:.0f} min",
             "coverage": f"{self.coverage:.1f}",
@@ -234,11 +262,11 @@ class Order:
     @property
     def _nose(self) -> str:
         """Where the nose points on the first leg, if the wind makes that differ from the track."""
-        scene, after_scene = self.flight[1:3]
+        scene, after_scene = self._on_scene[:2]
         drone = drone_in_wind(self.incident, self.number)
         begin, end = track([scene, after_scene], self.incident.plane)
         seconds = (after_scene.time - scene.time).total_seconds()
-        wind = drone.wind(self._seconds[1:2] + seconds / 2, (begin + end)[:, None] / 2)
+        wind = drone.wind(self._searching[:1] + seconds / 2, (begin + end)[:, None] / 2)
         unit = (end - begin) / max(math.hypot(*(end - begin)), 1e-9)
         speed = drone.ground_speed(wind, unit[:, None])
         through_air = (unit[:, None] * speed - wind)[:, 0]
@@ -272,6 +300,13 @@ def read_aloud(order: dict[str, str]) -> str:
         elif text and name != "drone":
             parts.append(f"{name} {text}")
     return f"{', '.join(parts)}."
+
+
+def _corners(way: str, corners: Flight, most: int) -> dict[str, str]:
+    """The corners of a way as names and texts."""
+    texts = [radioed((corner.latitude, corner.longitude)) for corner in corners]
+    texts += [""] * (most - len(corners))
+    return {f"way {way}, corner {number}": text for number, text in enumerate(texts, 1)}
 
 
 def _degrees(angle: float) -> str:

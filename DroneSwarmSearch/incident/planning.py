@@ -26,7 +26,7 @@ from DroneSwarmSearch.incident.choice import (
     refusal,
 )
 from DroneSwarmSearch.incident.coast import Coast
-from DroneSwarmSearch.incident.drone import DroneInWind, drone_in_wind
+from DroneSwarmSearch.incident.drone import DroneInWind, Flown, drone_in_wind
 from DroneSwarmSearch.incident.families import Area, Boxes, FreePatterns, Shape
 from DroneSwarmSearch.incident.flight_plan import Alternative, Delay, FlightPlan
 from DroneSwarmSearch.incident.flights import Flight, Waypoint, least_distance
@@ -236,16 +236,19 @@ def _flown(area: Area, shape: Shape, figures: Particles) -> FlightPlan:
         raise CannotFlyError(refusal(area))
     patterns: list[Pattern] = []
     flights: list[list[Waypoint]] = []
+    searches: list[slice] = []
     flying = [each.waypoints for each in incident.flown if each.landing > incident.start]
     for drone, whole in zip(area.drones, wanted, strict=True):
         pattern = begun_at_sea(whole, drone, area.coast)
-        pattern, flight = _kept_apart(incident, drone, pattern, [*flying, *flights])
+        pattern, flight, search = _kept_apart(incident, drone, pattern, [*flying, *flights])
         patterns.append(pattern)
         flights.append(flight)
+        searches.append(search)
     return FlightPlan(
         incident=incident,
         patterns=tuple(patterns),
         flights=tuple(flights),
+        searches=tuple(searches),
         particles=figures,
         shape=shape,
     )
@@ -289,7 +292,7 @@ def begun_at_sea(pattern: Pattern, drone: DroneInWind, coast: Coast) -> Pattern:
         flown = drone.fly(begun)
         if flown is None:
             break
-        arrival = flown[1, 0]
+        arrival = flown.points[flown.search.start, 0]
         distances = begun.begin + TRIED_EVERY * np.arange(TRIED, dtype=np.float64)
         track = pattern.points(LEGS_LEFT_OUT) + pattern.drift * arrival
         is_sea = coast.is_sea_as_read(point_along(track, distances))
@@ -304,11 +307,14 @@ def begun_at_sea(pattern: Pattern, drone: DroneInWind, coast: Coast) -> Pattern:
 
 def _kept_apart(
     incident: Incident, drone: DroneInWind, pattern: Pattern, others: Sequence[Flight]
-) -> tuple[Pattern, list[Waypoint]]:
+) -> tuple[Pattern, list[Waypoint], slice]:
     """The flight of a drone, delayed by minutes if another one at its height comes too near.
 
     The pattern is where it is at the delayed take-off. If no delay suffices, the one that keeps
     the drones farthest apart.
+
+    Returns:
+        The pattern, the waypoints, and the rows of the search among these.
     """
     same_height = [flight for flight in others if flight[0].altitude == drone.height]
     farthest = -1.0
@@ -323,15 +329,15 @@ def _kept_apart(
         apart = min((least_distance(flight, other) for other in same_height), default=math.inf)
         if apart > farthest:
             farthest = apart
-            chosen = (moved, flight)
+            chosen = (moved, flight, flown.search)
         if apart >= CLEAR:
             break
     return chosen
 
 
-def _waypoints(incident: Incident, drone: DroneInWind, flown: Floats) -> list[Waypoint]:
-    """The waypoints of what `Drone.fly` returns."""
-    points: Floats = incident.plane.degrees(flown[:, 1:])
+def _waypoints(incident: Incident, drone: DroneInWind, flown: Flown) -> list[Waypoint]:
+    """The waypoints of a flight."""
+    points: Floats = incident.plane.degrees(flown.points[:, 1:])
     searching = [*drone.searches(flown).tolist(), False]
     return [
         Waypoint(
@@ -342,6 +348,6 @@ def _waypoints(incident: Incident, drone: DroneInWind, flown: Floats) -> list[Wa
             searching=searching[row],
         )
         for row, (seconds, (latitude, longitude)) in enumerate(
-            zip(flown[:, 0].tolist(), points.tolist(), strict=True)
+            zip(flown.points[:, 0].tolist(), points.tolist(), strict=True)
         )
     ]

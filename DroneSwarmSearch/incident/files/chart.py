@@ -135,8 +135,13 @@ class _DrawnFlight:
 
     @property
     def pattern(self) -> Floats:
-        """The points from the commence search point on, without the landing."""
-        return self.points[1:-1]
+        """The points from the commence search point to where the drone leaves."""
+        return self.points[self.plan.searches[self.drone]]
+
+    @property
+    def searching(self) -> list[float]:
+        """The minutes at these points."""
+        return self.minutes[self.plan.searches[self.drone]]
 
     def at(self, minutes: Any) -> Floats:
         """The positions at other times, (n, 2)."""
@@ -390,8 +395,9 @@ class _Sheet:
             solid_capstyle="butt",
             zorder=2,
         )
-        axes.plot(*flight.points[:2].T, ":", color=ink, linewidth=0.7)
-        axes.plot(*flight.points[-2:].T, ":", color=ink, linewidth=0.7)
+        search = self._plan.searches[flight.drone]
+        for way in (flight.points[: search.start + 1], flight.points[search.stop - 1 :]):
+            axes.plot(*way.T, ":", color=ink, linewidth=0.7)
         axes.plot(
             *flight.pattern.T,
             linestyle=(0, DASHES[flight.drone % len(DASHES)]),
@@ -402,7 +408,7 @@ class _Sheet:
         )
         speed = self._incident.craft[flight.drone].speed
         apart = self.point / speed  # minutes between heads of arrows, 60 points apart
-        for minute in np.arange(flight.minutes[1] + apart / 2, flight.minutes[-2], apart):
+        for minute in np.arange(flight.searching[0] + apart / 2, flight.searching[-1], apart):
             tail, tip = flight.at([minute - apart / 20, minute + apart / 20])
             axes.annotate("", tip, tail, arrowprops={**HEAD, "color": ink})
         circle = {"boxstyle": "circle", "facecolor": colour, "edgecolor": ink}
@@ -420,8 +426,8 @@ class _Sheet:
 
     def _draw_minutes(self, flight: _DrawnFlight, step: float) -> None:
         """Write round minutes beside a track."""
-        first = np.ceil(flight.minutes[1] / step)
-        minutes = np.arange(first, flight.minutes[-2] / step) * step
+        first = np.ceil(flight.searching[0] / step)
+        minutes = np.arange(first, flight.searching[-1] / step) * step
         for minute, at in zip(minutes, flight.at(minutes), strict=True):
             if np.abs(at - self.marked).max(axis=1).min() > 13 * self.point:
                 self._axes.text(*at, f"{minute:g}", bbox=BOX, zorder=8, clip_on=True, **CENTRED)

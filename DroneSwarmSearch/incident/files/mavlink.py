@@ -19,6 +19,7 @@ from DroneSwarmSearch.incident.drone import drone_in_wind
 from DroneSwarmSearch.incident.fleet import PLANE
 from DroneSwarmSearch.incident.flight_plan import FlightPlan
 from DroneSwarmSearch.incident.flights import Waypoint, track
+from DroneSwarmSearch.incident.incident import Incident
 
 # Commands of MAVLink.
 WAYPOINT = 16
@@ -49,6 +50,9 @@ LOITER_HEIGHT = 40.0  # metres, at the end
 APPROACH = 400.0  # metres from there to the base
 LOITERS_APART = 200.0  # metres between the loiters of two planes, across the wind
 LOITERS = 6  # side by side
+
+TURNS = np.radians([0, 30, -30, 60, -60, 90, -90, 120, -120, 150, -150, 180])
+"""By which that may be turned from downwind, because of no-fly areas."""
 
 FENCE_MARGIN = 200.0  # metres around all ways
 
@@ -103,7 +107,10 @@ def _plane_items(plan: FlightPlan, drone: int) -> list[Item]:
 
 
 def _loiter(plan: FlightPlan, drone: int) -> tuple[float, float]:
-    """Where a plane loiters down: downwind of its base, beside other planes; in degrees."""
+    """Where a plane loiters down: downwind of its base, beside other planes; in degrees.
+
+    If no-fly areas are there, as nearly downwind as they allow.
+    """
     incident = plan.incident
     flying = drone_in_wind(incident, drone)
     flight = plan.flights[drone]
@@ -112,12 +119,30 @@ def _loiter(plan: FlightPlan, drone: int) -> tuple[float, float]:
     wind = flying.wind(landing, base)[:, 0]
     speed = math.hypot(*wind)
     downwind = wind / speed if speed > 0 else np.array([0.0, 1.0])
-    aside = downwind[::-1] * [1, -1]
     count = min(len(plan.flights), LOITERS)
     lane = drone % LOITERS - (count - 1) / 2
-    metres = base[:, 0] + APPROACH * downwind + LOITERS_APART * lane * aside
+    beside = LOITERS_APART * lane
+
+    def loiter(turn: float) -> Floats:
+        sin, cos = math.sin(turn), math.cos(turn)
+        away = downwind @ np.array([[cos, -sin], [sin, cos]])
+        point: Floats = base[:, 0] + APPROACH * away + beside * away[::-1] * [1, -1]
+        return point
+
+    places = [loiter(turn) for turn in TURNS]
+    metres = next((place for place in places if _is_clear(incident, base[:, 0], place)), places[0])
     latitude, longitude = incident.plane.degrees(metres[None])[0].tolist()
     return latitude, longitude
+
+
+def _is_clear(incident: Incident, base: Floats, loiter: Floats) -> bool:
+    """Whether a plane can loiter and come from there to its base without entering an area."""
+    if incident.forbidden is None:
+        return True
+    shapely: Any = needed("shapely", "no-fly areas need the package shapely", "plan")
+    way = shapely.linestrings(np.stack([base, loiter]))
+    circle = shapely.Point(loiter).buffer(LOITER_RADIUS)
+    return not shapely.intersects(incident.forbidden, shapely.union(way, circle))
 
 
 def _at(command: int, waypoint: Waypoint, *params: float) -> Item:

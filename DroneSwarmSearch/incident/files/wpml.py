@@ -146,7 +146,7 @@ def _speeds(plan: FlightPlan, drone: int) -> list[float]:
 
 
 def _placemark(plan: FlightPlan, drone: int, index: int) -> ET.Element:
-    """The position of a waypoint; the first one is the commence search point."""
+    """The position of a waypoint; the first one is that after the take-off."""
     waypoint = plan.flights[drone][index + 1]
     placemark = ET.Element("Placemark")
     coordinates = f"{waypoint.longitude:.7f},{waypoint.latitude:.7f}"
