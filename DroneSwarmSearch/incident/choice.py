@@ -27,7 +27,7 @@ GENERATIONS = 15
 
 BOXES_DRAWN = 48  # at random
 DRAWN = 32  # patterns of a drone
-STARTS = 2  # how many of the best ones are improved
+STARTS = 2  # how many of the best ones are improved; of unlike drones, who begin in two ways, one
 
 FIRST = 0.4  # the standard deviation with which CMA-ES begins from a drawn pattern
 LATER = 0.15  # the same from a chosen one
@@ -72,10 +72,12 @@ class Effort:
     Attributes:
         deadline: when to stop.
         generations: of each run of CMA-ES.
+        starts: how many of the best drawn shapes are improved.
     """
 
     deadline: Deadline
     generations: int = field(default_factory=lambda: GENERATIONS)
+    starts: int = STARTS
 
 
 Tuned = TypeVar("Tuned", Boxes, FreePattern)
@@ -120,7 +122,7 @@ def first_boxes(area: Area, effort: Effort) -> Boxes:
     drawn.sort(key=_left)
     improved = [
         _improved(start, area.left, FIRST, effort, seed)
-        for seed, start in enumerate(drawn[:STARTS])
+        for seed, start in enumerate(drawn[: effort.starts])
     ]
     return min(improved, key=_left).shape
 
@@ -188,7 +190,7 @@ def _best_pattern(
     starts = _drawn(area, number, rng) if known is None else [known]
     tried = sorted((_Tried(left(free), free) for free in starts), key=_left)
     improved = [
-        _improved(start, left, step, effort, int(rng.integers(2**31))) for start in tried[:STARTS]
+        _improved(start, left, step, effort, int(rng.integers(2**31))) for start in tried[: effort.starts]
     ]
     return min(improved, key=_left).shape
 

@@ -7,6 +7,7 @@ Both are described by a few real numbers, of which small steps change the patter
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -180,6 +181,12 @@ class Area:
         airborne = np.array([drone.endurance for drone in self.drones])
         self._sizes = np.sqrt(self.swaths * speeds * SEARCHED_TWICE * airborne / 2)
         self._sweeping = self.swaths * speeds
+
+    def first(self, count: int) -> Area:
+        """The same with the first particles only; shapes mean the same in it."""
+        few = copy.copy(self)
+        few.particles = self.particles.first(count)
+        return few
 
     # Patterns.
 

@@ -129,11 +129,10 @@ def _check_light(incident: Incident, number: int) -> None:
 
 def _best(incident: Incident, figures: Particles, deadline: Deadline) -> FlightPlan:
     """The best adjacent boxes, or free patterns if they find clearly more."""
-    many = simulate(incident, MANY, 1)
-    few = Area(incident, many.first(FEW))
+    many = Area(incident, simulate(incident, MANY, 1))
     with progress("planning", 1.0) as on_progress:
-        shapes = _chosen(few, Area(incident, many), deadline, on_progress)
-    plans = [_flown(few, shape, figures) for shape in shapes]
+        shapes = _chosen(many.first(FEW), many, deadline, on_progress)
+    plans = [_flown(many, shape, figures) for shape in shapes]
     made = plans[0]
     for other in plans[1:]:
         more = 100 * (other.probability_of_success - made.probability_of_success)
@@ -157,8 +156,9 @@ def _chosen(
     effort = Effort(deadline)
     drawn = None
     if not few.is_uniform:  # one rectangle suits them badly: each first has a pattern of its own
+        effort = Effort(deadline, starts=1)
         with contextlib.suppress(CannotFlyError):
-            drawn = free_patterns(few, [], Effort(Deadline(None)))
+            drawn = free_patterns(few, [], Effort(Deadline(None), starts=1))
     try:
         boxes = first_boxes(few, effort)
     except CannotFlyError:  # perhaps because of land: patterns of their own may do
