@@ -190,7 +190,8 @@ def _best_pattern(
     starts = _drawn(area, number, rng) if known is None else [known]
     tried = sorted((_Tried(left(free), free) for free in starts), key=_left)
     improved = [
-        _improved(start, left, step, effort, int(rng.integers(2**31))) for start in tried[: effort.starts]
+        _improved(start, left, step, effort, int(rng.integers(2**31)))
+        for start in tried[: effort.starts]
     ]
     return min(improved, key=_left).shape
 

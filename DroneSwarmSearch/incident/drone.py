@@ -178,9 +178,13 @@ class DroneInWind:
     def home(
         self, times: Floats, points: Floats, unit: Floats, corners: Floats = STRAIGHT
     ) -> Floats:
-        """Seconds to be home at times from points, (2, n), after flying along `unit`, and land.
+        """Seconds to be home, with the landing; infinite where the drone makes no headway.
 
-        They are infinite where the drone makes no headway. The way has corners, (m, 2).
+        Args:
+            times: when it leaves, (n,).
+            points: where, (2, n).
+            unit: the direction in which it was flying, (2, n).
+            corners: of the way home, (m, 2).
         """
         landing, _ = self._stations(times, points, unit, corners)[-1]
         return landing - times
