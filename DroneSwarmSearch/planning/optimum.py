@@ -13,10 +13,11 @@ chosen for each trajectory, for all flows
 
 A linear program over the flows has such cuts. Where its solution is fractional, n(w) is the whole
 part of N(w), which is carried along the trajectories in a forward and a backward pass over the
-drift model, in steps of 1/24; this is the tangent of the largest convex function that is at most f
-at whole numbers of looks along each trajectory. The tangent of f itself, with which J. O. Royset
-and H. Sato (Naval Research Logistics 57:422, 2010) cut, is lower. Then the search branches on
-whether at most k drones look at a cell in a step, or more.
+drift model, in steps of 1/24; this is nearly the tangent of the largest convex function that is at
+most f at whole numbers of looks along each trajectory. Many drones who each see little are rounded
+too much: the tangent of f itself, with which J. O. Royset and H. Sato (Naval Research Logistics
+57:422, 2010) cut, and the cuts at solutions rounded to whole numbers are better for these. Then the
+search branches on whether at most k drones look at a cell in a step, or more.
 
 The linear programs: HiGHS (Q. Huangfu, J. A. J. Hall, Mathematical Programming Computation 10:119,
 2018), of the extra "optimum".
@@ -52,6 +53,8 @@ PARTS = 24  # of a look, in which numbers of looks are carried along trajectorie
 MOST_LOOKS = 12  # at a trajectory that are told apart
 MOST_STATES = 4e7  # entries of all transition matrices
 
+ROUNDED_UP = (0.2, 0.35, 0.5, 0.65, 0.8)  # parts from which a solution's numbers are rounded up
+CUTS = 3  # that are added at once
 ROUNDS = 8  # of cuts at a node
 ROOT_ROUNDS = 400
 WORTH_A_CUT = 0.1  # of the gap; smaller violations are left
@@ -125,6 +128,17 @@ def optimum(scenario: Scenario, drones_positions: object, *, seconds: float = SE
     return tree.searched()
 
 
+class _Cut(NamedTuple):
+    """The probability of missing the person is at least `least` - slopes . looks, (T, N²)."""
+
+    least: float
+    slopes: Floats
+
+    def at(self, looks: Floats) -> float:
+        """Its value at numbers of looks."""
+        return self.least - float((self.slopes * looks).sum())
+
+
 class _Misses:
     """The probability of missing the person, for numbers of looks.
 
@@ -173,16 +187,48 @@ class _Misses:
         return self._model.map(mass).reshape(len(parts), -1)
 
     def of(self, looks: Floats) -> float:
-        """The probability f of whole numbers of looks, (T, N²)."""
+        """The probability f of numbers of looks, (T, N²)."""
+        return float(self._unfound(looks)[-1].sum())
+
+    def _unfound(self, looks: Floats) -> list[Floats]:
+        """Where the unfound person is after the looks of each step: (S,) each."""
         mass = self._start
+        found = []
         for step, now in enumerate(self._by_state(looks)):
             if step:
                 mass = mass @ self._moves[step - 1]
             mass = mass * self._missed**now
-        return float(mass.sum())
+            found.append(mass)
+        return found
 
-    def cut(self, looks: Floats) -> tuple[float, Floats]:
-        """The cut at numbers of looks, (T, N²): f is at least the number - the slopes . z."""
+    def touching(self, looks: Floats) -> list[_Cut]:
+        """The cuts that touch f at whole numbers of looks, (T, N²): n(w) is N(w), or one less."""
+        slopes = [1.0 - self._missed]
+        if self._missed:
+            slopes.append(1.0 / self._missed - 1.0)
+        return self._sloping(looks, slopes)
+
+    def tangent(self, looks: Floats) -> list[_Cut]:
+        """The tangent of f at numbers of looks, (T, N²); none if detection is certain."""
+        return self._sloping(looks, [-math.log(self._missed)] if self._missed else [])
+
+    def _sloping(self, looks: Floats, slopes: Sequence[float]) -> list[_Cut]:
+        """The cuts at numbers of looks, (T, N²), with some slopes along each trajectory."""
+        unfound = self._unfound(looks)
+        missed = self._missed ** self._by_state(looks)
+        parts = np.empty_like(missed)
+        later = np.ones(self._states)
+        for step in reversed(range(self._steps)):
+            parts[step] = unfound[step] * later
+            if step:
+                later = self._moves[step - 1] @ (missed[step] * later)
+        by_cell = self._by_cell(parts)
+        least = float(unfound[-1].sum())
+        along = float((by_cell * looks).sum())
+        return [_Cut(least + slope * along, slope * by_cell) for slope in slopes]
+
+    def lines(self, looks: Floats) -> _Cut:
+        """The cut by a line for each trajectory, at numbers of looks, (T, N²)."""
         parts = np.rint(PARTS * self._by_state(looks)).astype(np.int64)
         masses = []
         mass = np.zeros((self._most + 1, self._states))  # by 24ths of a look so far
@@ -201,7 +247,7 @@ class _Misses:
             slopes[step] = (masses[step] * later).sum(axis=0)
             if step:
                 later = later @ self._moves[step - 1].T
-        return least, (1.0 - self._missed) * self._by_cell(slopes)
+        return _Cut(least, (1.0 - self._missed) * self._by_cell(slopes))
 
 
 def _looked(mass: Floats, parts: Ints) -> Floats:
@@ -505,14 +551,14 @@ class _Tree:
 
     def _branch(self, looks: Floats) -> int:
         """The fractional number of looks on which most depends."""
-        _, slopes = self._misses.cut(self._flow.spread(looks))
+        slopes = self._misses.lines(self._flow.spread(looks)).slopes
         weights = slopes.ravel()[self._flow.looks] + WHOLE
         part = looks - np.floor(looks)
         unsure = np.minimum(part, 1.0 - part)
         return int(np.argmax(np.where(unsure > WHOLE, unsure * weights, 0.0)))
 
     def _cut_off(self, bound: float, looks: Floats, flows: Floats, violation: float) -> bool:
-        """Add the cut at a solution, if that violates it by enough.
+        """Add the cuts at a solution, if that violates them by enough.
 
         If its numbers are whole and its plan is better than the best one, that is the best one.
         """
@@ -523,11 +569,15 @@ class _Tree:
                 self._least = least
                 self._paths = self._paths_of(whole, flows)
         spread = self._flow.spread(looks)
-        least, slopes = self._misses.cut(spread)
-        if least - float((slopes * spread).sum()) - bound <= violation:
-            return False
-        self._program.add_cut(slopes.ravel()[self._flow.looks], least)
-        return True
+        cuts = [self._misses.lines(spread), *self._misses.tangent(spread)]
+        for part in ROUNDED_UP:
+            cuts += self._misses.touching(np.floor(spread + part))
+        above = {cut.at(spread) - bound: cut for cut in cuts}
+        worst = sorted(above, reverse=True)[:CUTS]
+        violated = [above[by] for by in worst if by > violation]
+        for cut in violated:
+            self._program.add_cut(cut.slopes.ravel()[self._flow.looks], cut.least)
+        return bool(violated)
 
     def _paths_of(self, whole: Floats, flows: Floats) -> tuple[DronePath, ...]:
         """Paths with whole numbers of looks.
