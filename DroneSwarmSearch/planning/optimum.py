@@ -210,7 +210,7 @@ class _Misses:
 
     def tangent(self, looks: Floats) -> list[_Cut]:
         """The tangent of f at numbers of looks, (T, N²); none if detection is certain."""
-        return self._sloping(looks, [-math.log(self._missed)] if self._missed else [])
+        return self._sloping(looks, [-math.log(self._missed)]) if self._missed else []
 
     def _sloping(self, looks: Floats, slopes: Sequence[float]) -> list[_Cut]:
         """The cuts at numbers of looks, (T, N²), with some slopes along each trajectory."""
@@ -330,7 +330,7 @@ class _Flow:
     def spread(self, counts: Floats) -> Floats:
         """Numbers of looks by `looks`, (K,), as (T, N²)."""
         spread = np.zeros(self.shape[0] * self.shape[1])
-        spread[self.looks] = counts
+        spread[self.looks] = np.maximum(counts, 0.0)  # without the solver's rounding errors
         return spread.reshape(self.shape)
 
     def paths(self, flows: Floats) -> tuple[DronePath, ...]:
