@@ -47,7 +47,7 @@ TASKS = {
 }
 """For each task of the benchmark, a search, and the policy that is shown beside greedy-matrix."""
 
-BENCHMARK_HEIGHT = 400  # pixels of a film
+BENCHMARK_HEIGHT = 336  # pixels of a film
 EVERY = 3  # pictures, of which one is kept
 
 STORY = (

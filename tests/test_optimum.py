@@ -132,10 +132,10 @@ def test_it_is_between_plan_and_bound():
 
 
 def test_without_time_there_is_a_plan_and_a_bound():
-    scenario = optima.royset(9, 12, 3)
-    found = optimum(scenario, [(0, 0)] * 3, seconds=6)
+    scenario = optima.royset(9, 8, 3)
+    found = optimum(scenario, [(0, 0)] * 3, seconds=1e-3)
     assert not found.is_proven
-    assert 0.5 < found.success < found.bound < 0.65
+    assert 0.3 < found.success < 0.3127 < found.bound <= 1.0
     check_paths(scenario, [(0, 0)] * 3, found)
 
 
@@ -152,8 +152,12 @@ def test_the_table_shows_the_results():
     published = {name: posed.published for name, posed in optima.searches().items()}
     for name, row in optima.read_rows().items():
         best = float(row["best"])
-        assert float(row["bound"]) <= best + 1e-6
-        assert best <= published[name].missed + 5e-5, "at least as good as what is published"
+        bound = float(row["bound"])
+        assert bound <= best + 1e-6
+        assert bound <= published[name].missed + 5e-5
+        if best - bound <= optima.PROVEN:
+            assert best == pytest.approx(published[name].missed, abs=5e-5)
+        assert best < published[name].missed + 3e-4
 
 
 @pytest.mark.parametrize(

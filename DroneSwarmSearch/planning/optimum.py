@@ -96,7 +96,8 @@ def optimum(scenario: Scenario, drones_positions: object, *, seconds: float = SE
     Args:
         scenario: the search, with ``crash="pass"``.
         drones_positions: every drone's start cell (x, y).
-        seconds: the time after which the best plan and the bound so far are returned.
+        seconds: the time after which the best plan and the bound so far are returned, besides that
+            for a first plan.
 
     Raises:
         ImportError: the package highspy, of the extra "optimum", is missing.
@@ -115,7 +116,6 @@ def optimum(scenario: Scenario, drones_positions: object, *, seconds: float = SE
             "scenario must have one person, or equal ones in a coverage mission, got "
             f"{len(scenario.persons_to_find)}"
         )
-    begin = time.monotonic()
     plan = plan_paths(scenario, drones_positions, seconds=PLANNING)
     misses = _Misses(
         model=scenario.forecasts()[0],
@@ -124,7 +124,7 @@ def optimum(scenario: Scenario, drones_positions: object, *, seconds: float = SE
         detection=scenario.detections[0],
     )
     flow = _Flow.of(scenario, starts, misses.is_possible)
-    tree = _Tree(misses, flow, list(plan.paths), begin + seconds)
+    tree = _Tree(misses, flow, list(plan.paths), time.monotonic() + seconds)
     return tree.searched()
 
 
