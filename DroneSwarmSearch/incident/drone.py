@@ -14,9 +14,9 @@ from DroneSwarmSearch._internal.arrays import Flags, Floats
 from DroneSwarmSearch.geo.flows import Flow
 from DroneSwarmSearch.geo.sun import seconds_of_light
 from DroneSwarmSearch.incident.fleet import Drone, base_at
-from DroneSwarmSearch.incident.incident import Incident, reached
+from DroneSwarmSearch.incident.incident import Incident
 from DroneSwarmSearch.incident.patterns import Pattern
-from DroneSwarmSearch.incident.ways import Ways, ways_at_sea
+from DroneSwarmSearch.incident.ways import STRAIGHT, Ways, ways_at_sea
 
 WIND_EXPONENT = 0.11
 """Winds over the open sea grow with height z as (z / 10 m)^0.11: S. Hsu, E. Meindl, D. Gilhousen,
@@ -28,7 +28,6 @@ POINTS_PER_HOUR = 50  # the most points of a pattern
 FEWEST_POINTS = 42
 NO_DRIFT = np.zeros((2, 1))
 PARTS = 256  # of a leg, at the end of one of which the way home may begin
-STRAIGHT = np.zeros((0, 2))  # the corners of a straight way
 KNOWN_LAND = 1.5  # how far boats know the land, relative to where they or persons may be
 DETOURS = 4  # ways home that are tried, because each leaves at another point
 
@@ -433,9 +432,11 @@ def _ways_around(incident: Incident, craft: Drone, base: Floats) -> Ways | None:
     if not craft.is_boat:
         return None if incident.forbidden is None else Ways(incident.forbidden)
     farthest = max(incident.farthest_start, math.hypot(*base))
-    reach = reached(KNOWN_LAND * farthest)
+    land = incident.land_within(KNOWN_LAND * farthest)
+    if land is None or land.is_empty:
+        return None
     east, north = base.tolist()
-    return ways_at_sea(incident.coast, incident.origin.position, reach, (east, north))
+    return ways_at_sea(land, (east, north))
 
 
 def drone_in_wind(incident: Incident, number: int) -> DroneInWind:

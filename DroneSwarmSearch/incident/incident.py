@@ -349,7 +349,10 @@ class Incident:
 
     def land_within(self, farthest: float) -> Land | None:
         """`land`, at least up to a distance; few different distances are read."""
-        return self.land(reached(farthest))
+        reach = NEAR
+        while reach < farthest:
+            reach *= 2
+        return self.land(reach)
 
     @property
     def heights(self) -> tuple[float, ...]:
@@ -512,14 +515,6 @@ def _replaced(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]
 def _is_given(name: str, value: object) -> bool:
     """Whether a value that depends on others, or is one of several forms, has been given."""
     return value not in (None, ()) or name not in (*TYPED, *DEPENDENT)
-
-
-def reached(farthest: float) -> float:
-    """A distance in metres, at least as far as another one; one of few."""
-    reach = NEAR
-    while reach < farthest:
-        reach *= 2
-    return reach
 
 
 @lru_cache(maxsize=8)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Flags, Floats, Ints, Pair
-from DroneSwarmSearch.geo.coast import land_around
+from DroneSwarmSearch.geo.coast import Land
 from DroneSwarmSearch.geo.polygons import shapely_package
 
 CLEARANCE = 25.0
@@ -29,7 +29,7 @@ FARTHEST_HARBOUR = 5000.0
 
 CHANNEL = 10.0  # the width of that channel in metres
 
-NO_GATES = np.zeros((0, 2))
+STRAIGHT = np.zeros((0, 2))  # the corners of a straight way
 
 
 class Ways:
@@ -40,7 +40,7 @@ class Ways:
         gates: points through which ways may also lead, (n, 2).
     """
 
-    def __init__(self, areas: Any, gates: Floats = NO_GATES) -> None:
+    def __init__(self, areas: Any, gates: Floats = STRAIGHT) -> None:
         self.areas = areas
         self._gates = gates
         # All ways begin or end at the base.
@@ -65,19 +65,20 @@ class Ways:
         None if there is no way.
         """
         if self.is_clear(np.stack([begin, end])):
-            return np.zeros((0, 2))
+            return STRAIGHT
         corners = self._corners
         from_begin = self._distances_from(tuple(begin.tolist()))
         to_end = self._distances_from(tuple(end.tolist()))
         if not corners.size:
             return None
-        whole = from_begin[:, None] + self._distances + to_end
+        distances, following = self._shortest
+        whole = from_begin[:, None] + distances + to_end
         first, last = np.unravel_index(whole.argmin(), whole.shape)
         if not np.isfinite(whole[first, last]):
             return None
         way = [int(first)]
         while way[-1] != last:
-            way.append(int(self._following[way[-1], last]))
+            way.append(int(following[way[-1], last]))
         return corners[way]
 
     def _measured_from(self, point: Pair) -> Floats:
@@ -116,34 +117,20 @@ class Ways:
             following = np.where(is_shorter, following[:, [middle]], following)
         return distances, following
 
-    @property
-    def _distances(self) -> Floats:
-        return self._shortest[0]
-
-    @property
-    def _following(self) -> Ints:
-        return self._shortest[1]
-
 
 @lru_cache(maxsize=8)
-def ways_at_sea(coast: str, position: Pair, reach: float, base: Pair) -> Ways | None:
-    """Ways of boats around the land; None if there is none.
+def ways_at_sea(land: Land, base: Pair) -> Ways:
+    """Ways of boats around the land, which are kept for the next plan.
 
     A base on land, or close to it, has a channel to the nearest sea.
 
     Args:
-        coast: as for `geo.coast.land_around`, and so are `position` and `reach`.
-        position: the origin of the plane.
-        reach: how far the land counts, to each side of the position, in metres.
+        land: there must be some.
         base: of the boat, (east, north) in metres.
 
     Raises:
-        ImportError: a package is missing, see `geo.coast`.
         ValueError: the base is far from the sea.
     """
-    land = land_around(coast, position, reach)
-    if land is None or land.is_empty:
-        return None
     shapely = shapely_package()
     shore = land.shape.buffer(1.5 * OFF_LAND, quad_segs=2).simplify(OFF_LAND / 2)
     harbour = shapely.Point(base)

@@ -41,7 +41,7 @@ from DroneSwarmSearch.core.grid import Grid
 from DroneSwarmSearch.core.rules import PASS
 from DroneSwarmSearch.core.scenario import Scenario, checked_scenario
 from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.paths.best_paths import DronePath
+from DroneSwarmSearch.paths.best_paths import DronePath, cells_looked_at
 from DroneSwarmSearch.planning.plan_paths import plan_paths
 
 SECONDS = 900.0
@@ -462,7 +462,7 @@ class _Tree:
         """How many drones look at each cell in each step: (T, N²)."""
         looks = np.zeros(self._flow.shape)
         for path in paths:
-            cells = path.cells[1:] if self._flow.in_flight else path.cells[:-1]
+            cells = cells_looked_at(path.cells, self._flow.in_flight)
             np.add.at(looks, (path.searches.nonzero()[0], cells[path.searches]), 1.0)
         return looks
 
@@ -572,9 +572,8 @@ class _Tree:
         cuts = [self._misses.lines(spread), *self._misses.tangent(spread)]
         for part in ROUNDED_UP:
             cuts += self._misses.touching(np.floor(spread + part))
-        above = {cut.at(spread) - bound: cut for cut in cuts}
-        worst = sorted(above, reverse=True)[:CUTS]
-        violated = [above[by] for by in worst if by > violation]
+        cuts.sort(key=lambda cut: cut.at(spread), reverse=True)
+        violated = [cut for cut in cuts[:CUTS] if cut.at(spread) - bound > violation]
         for cut in violated:
             self._program.add_cut(cut.slopes.ravel()[self._flow.looks], cut.least)
         return bool(violated)

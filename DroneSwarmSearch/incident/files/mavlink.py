@@ -124,7 +124,8 @@ def _loiter(plan: FlightPlan, drone: int) -> tuple[float, float]:
     beside = LOITERS_APART * lane
 
     def loiter(turn: float) -> Floats:
-        sin, cos = math.sin(turn), math.cos(turn)
+        sin = math.sin(turn)
+        cos = math.cos(turn)
         away = downwind @ np.array([[cos, -sin], [sin, cos]])
         point: Floats = base[:, 0] + APPROACH * away + beside * away[::-1] * [1, -1]
         return point
