@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from small_searches import parameters
 
 from DroneSwarmSearch import Action, Drift, DroneSwarmSearch, Person, Scenario
-from DroneSwarmSearch.policies import BeliefTracker, Outlook
+from DroneSwarmSearch.paths.best_paths import DronePath
+from DroneSwarmSearch.policies import BeliefTracker, Outlook, SearchGains
 
 
 @settings(max_examples=35, derandomize=True)
@@ -132,3 +133,49 @@ def test_planned_searches_take_off_what_they_find_wherever_it_drifts(mission):
             mass = forecast.drift(mass, step)
         expected += detection * mass.sum(axis=0) / 2
     np.testing.assert_allclose(outlook.success[8], expected, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("mission", ["rescue", "coverage"])
+def test_gains_are_the_persons_that_searches_find(mission):
+    tracker = two_drifting(mission)
+    tracker.update([(1, 1), (4, 4)], [Action.SEARCH, Action.SEARCH])
+    gains = SearchGains(tracker, 6)
+    np.testing.assert_allclose(gains.beside([]), 2 * tracker.success_ahead(5))
+    path = DronePath(np.array([16, 16, 17, 17, 17, 17, 17]), np.arange(6) == 3)  # in (3, 2)
+    outlook = Outlook(tracker, 5)
+    outlook.search((3, 2), 3)
+    beside = gains.beside([path])
+    np.testing.assert_allclose(beside[:3], 2 * outlook.success[:3])
+    np.testing.assert_allclose(beside[4:], 2 * outlook.success[4:])
+
+
+def test_a_first_find_also_gains_what_it_teaches():
+    """By hand: of three persons, in a hypothesis with the probability 1/4."""
+    weights = 3.0, 1.0
+    cells = (1, 1), (3, 3)
+    drifts = [Drift(cell, weight=weight) for cell, weight in zip(cells, weights, strict=True)]
+    scenario = Scenario(
+        5,
+        persons=[Person(drifts, 0.5)] * 3,
+        shared_drift=True,
+        bayesian_update=True,
+        timestep_limit=10,
+    )
+    found = 0.5 * 3 * 0.25
+    lesson = 10.0 * (1 - 0.25) * 2 * 9 / 10
+    tracker = BeliefTracker(scenario)
+    gains = SearchGains(tracker, 2).beside([])
+    assert gains[0, 3, 3] == pytest.approx(found * (1 + lesson))
+    coverage = BeliefTracker(scenario.replace(mission="coverage"))  # no find is told
+    assert SearchGains(coverage, 2).beside([])[0, 3, 3] == pytest.approx(found)
+    # Once a person has been found there, the hypothesis is certain, and a find teaches nothing.
+    env = DroneSwarmSearch(scenario=scenario, render_mode=None)
+    for seed in range(100):
+        env.reset(seed, drones_positions=[(3, 3)])
+        env.step({"drone0": Action.SEARCH})
+        if sum(env.frame().found) == 1:
+            break
+    tracker.update([(3, 3)], [Action.SEARCH])
+    tracker.observe(env.frame().matrix)
+    assert len(tracker.missing) == 2
+    assert SearchGains(tracker, 2).beside([])[0, 3, 3] == pytest.approx(0.5 * 2)

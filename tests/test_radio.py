@@ -306,7 +306,7 @@ def wide(**changes: Any) -> Scenario:
 
 
 STARTS = [(1, 1), (4, 4), (7, 7)]
-OWN = ["greedy-matrix", "greedy-posterior", "greedy-forecast", "rollout"]
+OWN = ["greedy-matrix", "greedy-posterior", "greedy-forecast", "rollout", "imitation"]
 
 
 @pytest.mark.parametrize("policy", OWN)
@@ -349,7 +349,7 @@ def test_drones_that_hear_all_act_as_without_radios(policy):
             seen = [env.step(actions[0])[0] for env in envs]
 
 
-@pytest.mark.parametrize("policy", [*OWN, "random", "parallel-sweep", "imitation"])
+@pytest.mark.parametrize("policy", [*OWN, "random", "parallel-sweep", "planner"])
 def test_one_search_is_steered_as_in_a_batch(policy):
     scenario = wide(radio_range=2)
     results = [
@@ -363,11 +363,11 @@ def test_one_search_is_steered_as_in_a_batch(policy):
 def test_yardsticks_refuse_what_single_drones_know():
     env = DroneSwarmSearch(scenario=wide(radio_range=2))
     observations, _ = env.reset(seed=0)
-    with pytest.raises(ValueError, match="ImitationPolicy acts on what all drones know"):
-        policies.make("imitation", env.scenario)(observations)
+    with pytest.raises(ValueError, match="PlannerPolicy acts on what all drones know"):
+        policies.make("planner", env.scenario)(observations)
 
 
-def test_rollout_and_radio_find_more():
+def test_lessons_and_radio_find_more():
     """In a wreck that may have drifted in eight directions."""
     vectors = [(np.cos(angle), np.sin(angle)) for angle in np.arange(8) * np.pi / 4]
     drifts = [
@@ -387,9 +387,10 @@ def test_rollout_and_radio_find_more():
         return float((episodes.found_at > 0).mean())
 
     greedy = found("greedy-posterior", together)
+    imitation = found("imitation", together)
     rollout = found("rollout", together)
     alone = found("rollout", together.replace(radio_range=0))
-    assert rollout > greedy + 0.03
+    assert min(imitation, rollout) > greedy + 0.03
     assert rollout > 1.2 * alone
 
 

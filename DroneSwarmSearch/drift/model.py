@@ -144,6 +144,14 @@ class DriftModel(ABC):
     def backward(self, value: Floats, step: int) -> Floats:
         """The expected value before a step, given the expected value after it."""
 
+    def forward_each(self, masses: Floats, step: int) -> Floats:
+        """`forward` of several masses: (n, M, R, N)."""
+        return np.stack([self.forward(mass, step) for mass in masses])
+
+    def backward_each(self, values: Floats, step: int) -> Floats:
+        """`backward` of several values: (n, M, R, N)."""
+        return np.stack([self.backward(value, step) for value in values])
+
     def drift(self, mass: Floats, step: int) -> Floats:
         """`forward` of a single belief, in arithmetic that does not depend on the batch."""
         return self.forward(mass, step)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +27,8 @@ class MoveTable(NamedTuple):
         targets: where they lead, in this order.
         chances: their probabilities, in this order.
         into: the number of states with at least 1, 2, ... moves into them.
+        by_source: the numbers of the moves, as ordered above, in the order of the states that they
+            leave: (E,).
     """
 
     states: Ints
@@ -37,6 +39,7 @@ class MoveTable(NamedTuple):
     targets: Ints
     chances: Floats
     into: list[int]
+    by_source: Ints
 
     @classmethod
     def of(cls, states: Ints, sources: Ints, after: Ints, chances: Floats) -> MoveTable:
@@ -62,7 +65,30 @@ class MoveTable(NamedTuple):
             targets=after[order],
             chances=chances[order],
             into=into,
+            by_source=sources[order].argsort(kind="stable"),
         )
+
+    def forward(self, masses: Floats) -> Floats:
+        """Several masses, by state and mass, one step later: float64, (states, n)."""
+        flow = masses.take(self.sources, 0)
+        flow *= self.chances[:, None]
+        first = self.into[0]
+        total = flow[:first].astype(np.float64, copy=False)
+        for count in self.into[1:]:  # in the order of `MovesModel.forward`
+            total[:count] += flow[first : first + count]
+            first += count
+        after = np.zeros(masses.shape)
+        after[self.targets[: len(total)]] = total
+        return after
+
+    def backward(self, values: Floats) -> Floats:
+        """Several expected values, by state and value, one step earlier: float64, (states, n)."""
+        flow = values.take(self.targets, 0)
+        flow *= self.chances[:, None]
+        by_state = flow[self.by_source].astype(np.float64, copy=False)
+        before = np.zeros(values.shape)
+        before[self.states] = np.add.reduceat(by_state, self.first[:-1])
+        return before
 
 
 def _order_of_forward(after: Ints) -> tuple[Ints, list[int]]:
@@ -103,6 +129,18 @@ class MovesModel(DriftModel):
         flow = value.reshape(-1).take(now.targets)
         flow *= now.chances
         return sums_by_number(now.sources, flow, value.size).reshape(self.state_shape)
+
+    def forward_each(self, masses: Floats, step: int) -> Floats:
+        return self._of_columns(self.table(step).forward, masses)
+
+    def backward_each(self, values: Floats, step: int) -> Floats:
+        return self._of_columns(self.table(step).backward, values)
+
+    def _of_columns(self, change: Callable[[Floats], Floats], values: Floats) -> Floats:
+        """Change arrays of values, (n, M, R, N), which are the columns of `change`."""
+        columns = np.ascontiguousarray(values.reshape(len(values), -1).T)
+        changed: Floats = change(columns).T.reshape(values.shape)
+        return changed
 
     # The steps of a person.
 
@@ -162,12 +200,4 @@ class MovesForecasts(Forecasts):
                 row[...] = model.after(row, step)
             flat[...] = rows.T
             return
-        flow = flat.take(now.sources, 0)
-        flow *= now.chances[:, None]
-        first = now.into[0]
-        total = flow[:first]
-        for count in now.into[1:]:  # in the order of `MovesModel.forward`
-            total[:count] += flow[first : first + count]
-            first += count
-        flat[...] = 0.0
-        flat[now.targets[: len(total)]] = total
+        flat[...] = now.forward(flat)

@@ -280,7 +280,7 @@ class TargetWindow:
     def _forward(self, mass: Floats, step: int) -> Floats:
         """The mass, [layer, box, candidate, y, x], one step later."""
         if not self._transitions:
-            return self._each(self._target.model.forward, mass, self._first + step)
+            return self._each(self._target.model.forward_each, mass, self._first + step)
         along_x, along_y = self._transitions[step]
         moved: Floats = along_y.swapaxes(-1, -2) @ mass @ along_x
         return moved
@@ -288,15 +288,14 @@ class TargetWindow:
     def _backward(self, value: Floats, step: int) -> Floats:
         """The expected value, [layer, box, candidate, y, x], one step earlier."""
         if not self._transitions:
-            return self._each(self._target.model.backward, value, self._first + step - 1)
+            return self._each(self._target.model.backward_each, value, self._first + step - 1)
         along_x, along_y = self._transitions[step - 1]
         expected: Floats = along_y @ value @ along_x.swapaxes(-1, -2)
         return expected
 
     def _each(self, drift: Callable[[Floats, int], Floats], values: Floats, step: int) -> Floats:
         """The drift of each candidate's values, for a model without transitions."""
-        after = [drift(values[:, 0, number], step) for number in range(values.shape[2])]
-        return np.stack(after, axis=1)[:, None]
+        return drift(values[:, 0].swapaxes(0, 1), step).swapaxes(0, 1)[:, None]
 
 
 def _flat_indices(rows: Ints, columns: Ints, size: int) -> Ints:

@@ -18,6 +18,7 @@ from DroneSwarmSearch._internal.errors import did_you_mean
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.policies.base import BatchPolicy, SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker, Outlook
+from DroneSwarmSearch.policies.gains import SearchGains
 from DroneSwarmSearch.policies.greedy import (
     ForecastGreedyPolicy,
     GreedyPolicy,
@@ -51,6 +52,7 @@ __all__ = [
     "PosteriorGreedyPolicy",
     "RandomPolicy",
     "RolloutPolicy",
+    "SearchGains",
     "SectorSearchPolicy",
     "SwarmPolicy",
     "make",

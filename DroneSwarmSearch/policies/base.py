@@ -195,6 +195,14 @@ class SwarmPolicy(BatchPolicy):
             matrix: float32, shape (N, N), indexed [y, x]; do not keep or change it.
         """
 
+    def notice(self, memory: Any, drones: list[int]) -> None:
+        """Take note of which drones are in range, before a choice; by default, nothing is noted.
+
+        Args:
+            memory: the memory of this search; change it in place.
+            drones: their numbers, in the order of the cells of `choose`.
+        """
+
     def learn(self, memory: Any, searched: list[int], actions: list[int]) -> None:
         """Take note of a step, before the next choice; by default, nothing is noted.
 
@@ -311,6 +319,7 @@ class SwarmPolicy(BatchPolicy):
                 numbers = [cell_number(x, y, self.scenario.grid_size) for x, y in cells]
                 cells_searched = searched(self.scenario, numbers, actions[heard].tolist())
                 self.learn(memory, cells_searched, actions.tolist())
+            self.notice(memory, heard.tolist())
             x, y = obstacle.tolist()
             if x != _UNHEARD and (x, y) not in cells:
                 cells.append((x, y))  # a drone whose number is not known

@@ -52,6 +52,7 @@ class BeliefTracker:
     Attributes:
         missing: the persons who count as missing, by number in ascending order; at least one.
         headings: the latest move of each drone, an `Action`; `Action.IDLE` before the first.
+        in_range: the drones whose cells are known, by number; all unless they have radios.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -60,6 +61,7 @@ class BeliefTracker:
         self.step = 0
         self.missing = tuple(range(len(self.forecasts)))
         self.headings = (int(Action.IDLE),) * scenario.n_drones
+        self.in_range = tuple(range(scenario.n_drones))
         self._beliefs: tuple[Belief, ...] | None = None  # None before the first search
         self._perhaps_found: tuple[int, ...] = ()  # by the latest searches
         self._shared: SharedDrift | None = None  # of persons who drift together

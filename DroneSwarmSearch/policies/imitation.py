@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,9 @@ from DroneSwarmSearch.core.grid import Cell
 from DroneSwarmSearch.core.rules import Action
 from DroneSwarmSearch.core.scenario import Scenario
 from DroneSwarmSearch.policies.arrivals import INPUTS, TURNS, VIEWS, Arrivals
+from DroneSwarmSearch.policies.base import OWN
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
+from DroneSwarmSearch.policies.gains import SearchGains
 from DroneSwarmSearch.policies.greedy import ForecastGreedyPolicy
 from DroneSwarmSearch.policies.open_loop import Act, OpenLoopMemory, OpenLoopPolicy, PlanStep
 
@@ -105,22 +107,30 @@ class Network:
             raise ValueError(f"{path} must hold a network's weights: {error!r}") from error
 
 
+@lru_cache(maxsize=64)
+def _arrivals(grid_size: int, n_drones: int) -> Arrivals:
+    """The inputs for a grid and a number of drones; they hold no state."""
+    return Arrivals(grid_size, n_drones)
+
+
 class ImitationPolicy(OpenLoopPolicy):
     """A network trained to imitate the plans of random searches; every drone runs a copy of it.
 
     `examples/train_imitation.py` trains it: the plans start from the network's own paths, and the
     next network learns from them.
 
-    The policy tracks the posterior itself. Each drone observes the probability that searching a
-    cell succeeds (POS) at the time of its arrival there (`Arrivals`), and the network computes the
-    logits of its actions. The drones take their best actions in turn (`choose_in_turn`).
+    The policy tracks the posterior itself. Each drone observes what searching a cell gains
+    (`SearchGains`) at the time of its arrival there (`Arrivals`), and the network computes the
+    logits of its actions. The drones take their best actions in turn (`choose_in_turn`). With a
+    `radio_range`, each drone chooses for itself and for those in range, from what it knows.
 
-    Until a person is found, an unsuccessful search can be simulated exactly. Before the first
-    step, the policy simulates the search with the network's best actions, with `samples` samples
-    of its actions, and with greedy search on the forecast (`ForecastGreedyPolicy`). It follows the
-    most successful simulation until a find, and then simulates the rest without samples. With one
-    person, it is therefore at least as successful as each of them (parallel rollout: H. S. Chang,
-    R. Givan, E. K. P. Chong, Discrete Event Dynamic Systems 14:309, 2004).
+    Where all drones hear each other and a find teaches nothing about the others, a search can be
+    simulated exactly until it. Before the first step, the policy simulates the search with the
+    network's best actions, with `samples` samples of its actions, and with greedy search on the
+    forecast (`ForecastGreedyPolicy`). It follows the most successful simulation until a find, and
+    then simulates the rest without samples. With one person, it is therefore at least as successful
+    as each of them (parallel rollout: H. S. Chang, R. Givan, E. K. P. Chong, Discrete Event Dynamic
+    Systems 14:309, 2004). In all other searches, the drones follow the network in every step.
 
     Source: T. Anthony, Z. Tian, D. Barber, Thinking fast and slow with deep learning and tree
     search, NIPS 2017.
@@ -136,20 +146,27 @@ class ImitationPolicy(OpenLoopPolicy):
         ValueError: the file does not hold a valid network, or `samples` is negative.
     """
 
+    knows = OWN
+
     def __init__(
         self, scenario: Scenario, weights: str | Path | None = None, samples: int | None = SAMPLES
     ) -> None:
         super().__init__(scenario)
-        self._samples = None if samples is None else checks.integer("samples", samples, 0)
+        self._samples = 0 if samples is None else checks.integer("samples", samples, 0)
+        find_teaches = scenario.shared_drift and scenario.mission == "rescue"
+        is_known = not find_teaches and scenario.radio_range is None
+        self._simulates = samples is not None and is_known
         self._network = Network.load(DEFAULT_WEIGHTS if weights is None else weights)
-        self._arrivals = Arrivals(scenario.grid_size, scenario.n_drones)
         self._greedy = ForecastGreedyPolicy(scenario)
 
     def choose(self, memory: OpenLoopMemory, cells: list[Cell], matrix: Singles) -> Sequence[int]:
-        if self._samples is not None:
+        if self._simulates:
             return super().choose(memory, cells, matrix)
         memory.tracker.observe(matrix)
         return self._preferred(memory.tracker, cells)
+
+    def notice(self, memory: OpenLoopMemory, drones: list[int]) -> None:
+        memory.tracker.in_range = tuple(drones)
 
     def plan(
         self, tracker: BeliefTracker, cells: list[Cell], rest: Sequence[PlanStep] = ()
@@ -160,7 +177,7 @@ class ImitationPolicy(OpenLoopPolicy):
         tracker.scenario = replace(self.scenario, mission="coverage")
         candidates: list[Act] = [self._preferred, self._greedy.actions]
         if tracker.step == 0:  # after a find, samples for all continuations would take too long
-            samples = map(np.random.default_rng, range(self._samples or 0))
+            samples = map(np.random.default_rng, range(self._samples))
             candidates += [partial(self._preferred, rng=rng) for rng in samples]
         simulations = [self.simulated(act, tracker, cells) for act in candidates]
         success = np.prod if self.scenario.mission == "rescue" else np.mean
@@ -174,11 +191,14 @@ class ImitationPolicy(OpenLoopPolicy):
         size = self.scenario.grid_size
         remaining = max(limit - tracker.step, 1)
         positions = np.array([cells])
-        ahead = tracker.success_ahead(self._arrivals.steps(remaining))[None]
+        arrivals = _arrivals(size, len(cells))
+        gains = SearchGains(tracker, arrivals.steps(remaining) + 1).beside([])
         detections = [self.scenario.detections[person] for person in tracker.missing]
         detection = np.array([sum(detections) / len(detections)])
-        inputs = self._arrivals.inputs(
-            ahead, positions, np.array([remaining]), limit, detection, np.array([tracker.headings])
+        headings = [tracker.headings[drone] for drone in tracker.in_range]
+        headings += [int(Action.IDLE)] * (len(cells) - len(headings))  # of one that is not heard
+        inputs = arrivals.inputs(
+            gains[None], positions, np.array([remaining]), limit, detection, np.array([headings])
         )
         logits = self._network(inputs[0])
         if rng is not None:

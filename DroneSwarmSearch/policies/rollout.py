@@ -7,16 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
-from DroneSwarmSearch._internal.arrays import Floats, Singles
+from DroneSwarmSearch._internal.arrays import Singles
 from DroneSwarmSearch._internal.cells import cell_number
 from DroneSwarmSearch.core.grid import Cell, Grid
 from DroneSwarmSearch.core.scenario import Scenario
-from DroneSwarmSearch.drift.model import DriftModel
-from DroneSwarmSearch.paths.best_paths import DronePath, cells_looked_at, path_beside_others
+from DroneSwarmSearch.paths.best_paths import DronePath, path_beside_others
 from DroneSwarmSearch.policies.base import SwarmPolicy
 from DroneSwarmSearch.policies.belief_tracker import BeliefTracker
+from DroneSwarmSearch.policies.gains import SearchGains
 from DroneSwarmSearch.policies.open_loop import PlanStep, steps_of
 
 AHEAD = 30
@@ -24,28 +22,6 @@ AHEAD = 30
 
 KEPT = 5
 """Steps for which drones follow their paths before they look ahead again."""
-
-TEACHES = 10.0
-"""What a find at the start, of an unlikely hypothesis, is worth for each other missing person."""
-
-
-@dataclass
-class _Kind:
-    """Missing persons about whom the same is known.
-
-    Attributes:
-        model: how they drift.
-        count: how many they are.
-        worth: of a search that meets one of them, in each of the next steps: (steps,).
-        mass: where one of them is: (M, R, N).
-        detection: the probability that a search of a person's cell finds the person.
-    """
-
-    model: DriftModel
-    count: int
-    worth: Floats
-    mass: Floats
-    detection: float
 
 
 @dataclass
@@ -65,12 +41,10 @@ class RolloutPolicy(SwarmPolicy):
     """Looks ahead along all paths of the next steps, and counts what a find teaches.
 
     The policy tracks the posterior itself. Drones choose in turn: each takes the path of the next
-    `AHEAD` steps that gains most, by dynamic programming, given the searches of those before it.
-    What a search gains is the number of persons whom it is expected to find. If persons drift
-    together (`Scenario.shared_drift`), the first find under hypothesis k also counts what it
-    teaches: ``TEACHES`` x (1 - p_k) x the other missing persons x the share of the time that is
-    left, where p_k is how likely k is already. So drones look for anybody soon, in directions that
-    are not known to be wrong; greedy search stays where most persons may be.
+    `AHEAD` steps that gains most (`SearchGains`), by dynamic programming, given the searches of
+    those before it. If persons drift together, a find counts what it teaches. So drones look for
+    anybody soon, in directions that are not known to be wrong; greedy search stays where most
+    persons may be.
 
     After ``KEPT`` steps, a find, or a displacement, the drones look ahead again. With a
     `radio_range`, each drone plans for itself and for those in range, from what it knows.
@@ -84,7 +58,6 @@ class RolloutPolicy(SwarmPolicy):
         super().__init__(scenario)
         self._tracker = BeliefTracker(scenario)
         self._grid = Grid.of(scenario.grid_size)
-        self._teaches = scenario.shared_drift and scenario.mission == "rescue"
 
     def begin(self) -> _RolloutMemory:
         return _RolloutMemory(copy.deepcopy(self._tracker))
@@ -107,13 +80,12 @@ class RolloutPolicy(SwarmPolicy):
     def _looked_ahead(self, tracker: BeliefTracker, cells: list[Cell]) -> list[PlanStep]:
         """The drones' cells and actions in the next steps."""
         steps = max(min(AHEAD, self.scenario.timestep_limit - tracker.step), 1)
-        kinds = self._kinds(tracker, steps)
+        gains = SearchGains(tracker, steps)
         starts = [cell_number(x, y, self.scenario.grid_size) for x, y in cells]
         paths: list[DronePath] = []
         for number, start in enumerate(starts):
-            gains = self._gains(tracker, kinds, paths, steps)
             path = path_beside_others(
-                gains,
+                gains.beside(paths),
                 start,
                 before=paths,
                 waiting=starts[number + 1 :],
@@ -122,82 +94,3 @@ class RolloutPolicy(SwarmPolicy):
             )
             paths.append(path)
         return steps_of(paths, self._grid)
-
-    def _kinds(self, tracker: BeliefTracker, steps: int) -> list[_Kind]:
-        """The missing persons, those about whom the same is known together."""
-        kinds: dict[tuple[Any, ...], _Kind] = {}
-        persons = self.scenario.persons_to_find
-        for person in tracker.missing:
-            detection = self.scenario.detections[person]
-            model = tracker.forecasts[person]
-            key = model.key, detection, persons[person].survival
-            if key in kinds:
-                kinds[key].count += 1
-                continue
-            ahead = range(tracker.step, tracker.step + steps)
-            worth = np.array([tracker.worth(person, step) for step in ahead])
-            kinds[key] = _Kind(model, 1, worth, tracker.weighed(person), detection)
-        return [*kinds.values()]
-
-    def _gains(
-        self,
-        tracker: BeliefTracker,
-        kinds: Sequence[_Kind],
-        paths: Sequence[DronePath],
-        steps: int,
-    ) -> Floats:
-        """What one more search of each cell gains in each step, beside paths: (steps, N, N)."""
-        size = self.scenario.grid_size
-        looked_at = [cells_looked_at(path.cells, self.scenario.search_in_flight) for path in paths]
-        masses = [kind.mass for kind in kinds]
-        likely = masses[0].sum(axis=(1, 2))  # each hypothesis, if they are shared
-        gains = np.zeros((steps, size, size))
-        for step in range(steps):
-            searched = [
-                int(cells[step])
-                for cells, path in zip(looked_at, paths, strict=True)
-                if path.searches[step]
-            ]
-            masses = [
-                _missed(kind, mass, searched) for kind, mass in zip(kinds, masses, strict=True)
-            ]
-            lessons = self._lessons(tracker.step + step, kinds, masses, likely)
-            for kind, mass, lesson in zip(kinds, masses, lessons, strict=True):
-                weighed = mass * (1.0 + lesson)[:, None, None]
-                gains[step] += kind.count * kind.worth[step] * kind.model.map(weighed)
-            if step < steps - 1:
-                masses = [
-                    kind.model.forward(mass, tracker.step + step)
-                    for kind, mass in zip(kinds, masses, strict=True)
-                ]
-        return gains
-
-    def _lessons(
-        self, step: int, kinds: Sequence[_Kind], masses: Sequence[Floats], likely: Floats
-    ) -> list[Floats]:
-        """What a find of each kind of person teaches under each hypothesis, in finds: (M,) each.
-
-        Only the first find teaches, so this falls with the probability that there has been one.
-        """
-        others = sum(kind.count for kind in kinds) - 1
-        if not self._teaches or not others:
-            return [np.zeros(len(mass)) for mass in masses]
-        left = max(self.scenario.timestep_limit - step - 1, 0) / self.scenario.timestep_limit
-        known = np.where(likely > 0.0, likely, 1.0)
-        unfound = [np.minimum(mass.sum(axis=(1, 2)) / known, 1.0) for mass in masses]
-        nobody = np.ones(len(likely))  # the probability that nobody has been found
-        for kind, share in zip(kinds, unfound, strict=True):
-            nobody *= share**kind.count
-        value = TEACHES * (1.0 - likely) * others * left * nobody
-        return [value / np.where(share > 0.0, share, 1.0) for share in unfound]
-
-
-def _missed(kind: _Kind, mass: Floats, cells: Sequence[int]) -> Floats:
-    """What searches of some cells leave of the mass."""
-    if not cells:
-        return mass
-    left = mass.copy()
-    flat = left.reshape(-1)
-    for cell in cells:
-        flat[kind.model.states(cell)] *= 1.0 - kind.detection
-    return left
