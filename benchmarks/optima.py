@@ -34,7 +34,7 @@ RESULTS = FOLDER / "optima.csv"
 PAGE = FOLDER / "optima.md"
 BEGIN = "<!-- table: python benchmarks/optima.py --report -->\n"
 END = "<!-- /table -->\n"
-COLUMNS = ("search", "planner", "planner_seconds", "best", "bound", "seconds", "nodes")
+COLUMNS = ("search", "work", "planner", "planner_seconds", "best", "bound", "seconds", "nodes")
 
 
 class Published(NamedTuple):
@@ -152,6 +152,7 @@ def run(name: str, posed: Posed, work: float, seconds: float) -> dict[str, Any]:
     success = max(best.success, float(plan.by_time[-1]))
     return {
         "search": name,
+        "work": f"{work:g}",
         "planner": f"{1.0 - plan.by_time[-1]:.6f}",
         "planner_seconds": f"{planned - begin:.1f}",
         "best": f"{1.0 - success:.6f}",
@@ -179,7 +180,10 @@ def write_rows(rows: dict[str, Any]) -> None:
 
 def table() -> str:
     """The table of the page in Markdown."""
-    heads = ("search", "published", "Gurobi", "planner", "best", "bound", "gap", "CPU, s", "nodes")
+    heads = (
+        *("search", "published", "Gurobi", "planner", "with work, s"),
+        *("best", "bound", "gap", "CPU, s", "nodes"),
+    )
     lines = [heads, ("---", *["---:"] * (len(heads) - 1))]
     rows = read_rows()
     for name, posed in searches().items():
@@ -194,6 +198,7 @@ def table() -> str:
             f"{posed.published.missed:.5f}",
             posed.published.gurobi,
             f"{float(row['planner']):.5f}",
+            row["work"],
             f"{best:.5f}",
             f"{bound:.5f}",
             "proven" if best - bound <= PROVEN else f"{gap:.1%}",

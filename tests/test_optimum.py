@@ -88,7 +88,7 @@ def test_it_is_that_of_exhaustive_search(drones, steps, in_flight, seed):
     assert found.is_proven
     most = most_found(scenario, [x + 3 * y for x, y in starts])
     assert found.success == pytest.approx(most, abs=5e-6)
-    assert most <= found.bound + 1e-6
+    assert most <= found.bound
     check_paths(scenario, starts, found)
 
 

@@ -478,7 +478,8 @@ class _Tree:
             for other, lows, highs in self._descended(bound, low, high):
                 heapq.heappush(waiting, (other, count, lows, highs))
                 count += 1
-        bound = min([self._least, *(node[0] for node in waiting)])
+        # What is left out may be better by PROVEN.
+        bound = min([max(self._least - PROVEN, 0.0), *(node[0] for node in waiting)])
         return Optimum(
             success=1.0 - self._least,
             bound=1.0 - float(bound),
