@@ -27,6 +27,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
+from markdown_tables import markdown, with_table
 from numpy.typing import NDArray
 
 from DroneSwarmSearch.training import TASKS
@@ -38,8 +39,6 @@ CURVES = FOLDER / "curves.csv"
 TUNING = FOLDER / "tuning.csv"
 PLANS = FOLDER / "yardstick.csv"
 PAGE = FOLDER / "index.md"
-BEGIN = "<!-- table: python benchmarks/algorithms.py report -->\n"
-END = "<!-- /table -->\n"
 ALGORITHMS = ("ippo", "ippo-gru", "mappo", "iql", "vdn", "qmix", "ppo")
 NAMES = {"ippo-gru": "IPPO with a GRU", "ppo": "PPO, own loop"}
 YARDSTICK = "planner, all known"
@@ -248,8 +247,7 @@ def table() -> str:
         mine = [row[name] for row in rows if (row["algorithm"], row["task"]) == (policy, task)]
         return np.array(mine, np.float64)
 
-    heads = ["policy", *names, "score", "CPU, minutes"]
-    lines = [heads, ["---", *["---:"] * (len(heads) - 1)]]
+    lines = [["policy", *names, "score", "CPU, minutes"]]
     low, high = ([column(each, name) for name in names] for each in ("random", YARDSTICK))
     for policy in (*BASELINES, YARDSTICK, *ALGORITHMS):
         runs = [column(policy, name) for name in names]
@@ -263,13 +261,12 @@ def table() -> str:
         times = [column(policy, name, "cpu_seconds").max(initial=0) for name in names]
         minutes = ", ".join(str(math.ceil(time / 60)) for time in times if time)
         lines.append([*cells, minutes if policy in ALGORITHMS else ""])
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+    return markdown(lines)
 
 
 def page() -> str:
     """The page with the table as it should be."""
-    before, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
-    return before + BEGIN + table() + END + rest.partition(END)[2]
+    return with_table(PAGE, "python benchmarks/algorithms.py report", table())
 
 
 def main() -> None:

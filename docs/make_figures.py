@@ -1087,11 +1087,19 @@ def radio(theme: Theme, sampling: Sampling) -> Figure:
     return chart
 
 
-BENCHMARKED = (
-    *("random", "greedy-matrix", "greedy-posterior", "greedy-forecast", "rollout"),
-    *("ippo", "ippo-gru", "mappo", "iql", "vdn", "qmix", "ppo"),
-)
+BASELINES = ("random", "greedy-matrix", "greedy-posterior", "greedy-forecast", "rollout")
+LEARNERS = ("ippo", "ippo-gru", "mappo", "iql", "vdn", "qmix", "ppo")
+BENCHMARKED = (*BASELINES, "imitation", *LEARNERS)
 ALL_KNOWN = "planner, all known"
+
+
+def benchmarked() -> dict[tuple[str, str], list[float]]:
+    """The success of all runs in the benchmark, by policy and task."""
+    found: dict[tuple[str, str], list[float]] = {}
+    with (BENCHMARK / "results.csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            found.setdefault((row["algorithm"], row["task"]), []).append(float(row["success"]))
+    return found
 
 
 @figure("benchmark")
@@ -1100,10 +1108,7 @@ def benchmark(theme: Theme, sampling: Sampling) -> Figure:
 
     From `python benchmarks/algorithms.py`.
     """
-    found: dict[tuple[str, str], list[float]] = {}
-    with (BENCHMARK / "results.csv").open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            found.setdefault((row["algorithm"], row["task"]), []).append(float(row["success"]))
+    found = benchmarked()
     policies = [name for name in BENCHMARKED if any(name == of for of, _ in found)][::-1]
     chart = Figure(figsize=(WIDTH, 1.3 + 0.22 * len(policies)), layout="constrained")
     panels = chart.subplots(1, len(TASKS), sharey=True)
@@ -1113,8 +1118,7 @@ def benchmark(theme: Theme, sampling: Sampling) -> Figure:
             axes.axvline(best, color=theme.grey, linestyle="-.", linewidth=1.2)
         for number, name in enumerate(policies):
             values = found.get((name, task), [])
-            is_trained = len(values) > 1
-            colour = theme.series[1] if is_trained else theme.series[0]
+            colour = theme.series[1] if name in LEARNERS else theme.series[0]
             axes.plot(values, [number] * len(values), "o", color=colour, markersize=3, alpha=0.5)
             if values:
                 axes.plot([np.mean(values)], [number], "o", color=colour, markersize=5)

@@ -195,12 +195,23 @@ def main() -> None:
     name = options.algorithm
     given = {key: getattr(options, key) for key in Setting._fields}
     setting = SETTINGS[name]._replace(**{key: x for key, x in given.items() if x is not None})
-    algorithm = ALGORITHMS[name].get_from_yaml()
     task = TASKS[options.task] if options.task else Task(TRAINING_TASK)
+    experiment = make_experiment(options.out, options.seed, options.steps, task, name, setting)
+    experiment.run()
+    torch.save((name, experiment.policy), options.out / "policy.pt")
+    trained = f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}"
+    finish(trained, f"benchmarl-{name}", options, task=task)
+
+
+def make_experiment(
+    folder: Path, seed: int, steps: int, task: Task, name: str, setting: Setting
+) -> Experiment:
+    """The training of an algorithm of `ALGORITHMS` on a task; its curve is in the folder."""
+    algorithm = ALGORITHMS[name].get_from_yaml()
     drones = task.parameters["n_drones"]
     scale = drones / 2  # a drone's share of the success is the smaller, the more there are
     column = "share_found" if task.has_several_persons else "probability_of_success"
-    callbacks = [Curve(options.out / "curve.csv", column)]
+    callbacks = [Curve(folder / "curve.csv", column)]
     if algorithm.on_policy():
         algorithm.entropy_coef = setting.exploration
         algorithm.lmbda = 0.95
@@ -213,19 +224,15 @@ def main() -> None:
     layers = {"num_cells": [128, 128], "layer_class": nn.Linear, "activation_class": nn.Tanh}
     of_drones = MlpConfig(**layers)
     of_state = MlpConfig(**layers, num_feature_dims=3)
-    experiment = Experiment(
+    return Experiment(
         task=SearchTask.SEARCH.get_task({**task.training, **SHOWN, **rewards, **state}),
         algorithm_config=algorithm,
         model_config=with_memory() if name == "ippo-gru" else of_drones,
         critic_model_config=of_state if name == "mappo" else of_drones,
-        seed=options.seed,
-        config=make_config(options.out, options.steps, task, name, setting),
+        seed=seed,
+        config=make_config(folder, steps, task, name, setting),
         callbacks=callbacks,
     )
-    experiment.run()
-    torch.save((name, experiment.policy), options.out / "policy.pt")
-    trained = f"{relpath(__file__)}:Trained:{options.out / 'policy.pt'}"
-    finish(trained, f"benchmarl-{name}", options, task=task)
 
 
 def with_memory() -> GruConfig:

@@ -18,6 +18,9 @@ only what that has left. The value V of each candidate is computed (`windows`), 
 with a probability proportional to exp(V / temperature), a heat bath. Trials go through time back
 and forth, so that the passes need little updating. No two drones are ever in one cell: each avoids
 the cells where the others will be.
+
+Best paths for distorted gains soon improve a small search no further. The rest of the work goes to
+random changes of the best plan (`nudges`), at low temperatures.
 """
 
 from __future__ import annotations
@@ -40,6 +43,7 @@ from DroneSwarmSearch.paths.best_paths import (
     cells_looked_at,
     values_to_go,
 )
+from DroneSwarmSearch.paths.nudges import nudged
 from DroneSwarmSearch.paths.passes import Passes, Target
 from DroneSwarmSearch.paths.windows import Boxes, TargetWindow
 
@@ -69,8 +73,11 @@ MOST = 32
 NOISE = 2**18  # random factors that are drawn once, and used from a random index on in every trial
 
 ENOUGH = 200
-"""The most trials for each step of a drone, times the fraction in `TRIES`; more improve small
-searches no further."""
+"""The most trials for each step of a drone, times the fraction in `TRIES`; in small searches, work
+is left for nudges then."""
+
+WARM = 0.3  # the first temperature with nudges, in the unit of `TRIES`
+ENOUGH_NUDGES = 60  # the most trials with nudges for each step of a drone
 
 # In seconds, on a busy machine. An idle one takes two thirds of it, and so about `seconds` for all
 # tries.
@@ -197,12 +204,16 @@ class JointPlan:
         noises = [np.exp(strength * noise) for strength in STRENGTHS]
         start = copy.deepcopy(self.paths)
         total = sum(share for _, share in TRIES)
+        drone_steps = len(start) * self._steps
         best_value = -math.inf
         best_paths_so_far = start
         before = 0.0
+        left = total * seconds
         for hottest, share in TRIES:
             self._replace(range(len(start)), 0, start)
-            for done in self._cool(hottest, share, seconds, noises, rng):
+            enough = share * ENOUGH * drone_steps
+            for done, work in self._cool(hottest, share * seconds, enough, noises, rng):
+                left -= work
                 on_progress((before + share * done) / total)
             before += share
             value = self.value()
@@ -210,34 +221,46 @@ class JointPlan:
                 best_value = value
                 best_paths_so_far = copy.deepcopy(self.paths)
         self._replace(range(len(start)), 0, best_paths_so_far)
+        for _ in self._cool(WARM, left, ENOUGH_NUDGES * drone_steps, [], rng):
+            pass
 
     def _cool(
         self,
         hottest: float,
-        share: float,
-        seconds: float,
+        work: float,
+        enough: float,
         noises: Sequence[Floats],
         rng: np.random.Generator,
-    ) -> Iterator[float]:
-        """Anneal from a temperature, and keep the best paths; yields the fraction completed."""
+    ) -> Iterator[tuple[float, float]]:
+        """Anneal from a temperature, and keep the best paths.
+
+        After each trial, yields what is done, from 0 to 1, and the work of the trial.
+
+        Args:
+            hottest: the first temperature, see `TRIES`.
+            work: in seconds.
+            enough: the most trials.
+            noises: random factors of gains, (NOISE,) each; without any, paths are nudged.
+            rng: the random numbers.
+        """
         begin = 0
         direction = 1
         value = most = self.value()
         best = copy.deepcopy(self.paths)
         drone_steps = len(best) * self._steps
         unit = max(value, 1e-9) / drone_steps
-        done = 0.0 if seconds else 1.0
+        done = 0.0 if work > 0.0 else 1.0
         while done < 1.0:
-            yield done
             temperature = unit * hottest * (COLDEST / hottest) ** done
-            longest = LONGEST if done < 0.5 else LONGEST_LATER
+            longest = LONGEST if noises and done < 0.5 else LONGEST_LATER
             length = round(SHORTEST * (longest / SHORTEST) ** rng.random())
             length = min(length, self._steps)
             begin = min(max(begin, 0), self._steps - length)
-            factors = noises[int(rng.integers(len(noises)))]
+            factors = noises[int(rng.integers(len(noises)))] if noises else None
             gained, took = self.trial(begin, begin + length, temperature, factors, rng)
             value += gained
-            done += max(took / seconds, 1.0 / (ENOUGH * drone_steps)) / share
+            done += max(took / work, 1.0 / enough)
+            yield min(done, 1.0), took
             if value > most + 1e-9:
                 most = value
                 best = copy.deepcopy(self.paths)
@@ -249,7 +272,12 @@ class JointPlan:
     # A trial.
 
     def trial(
-        self, begin: int, end: int, temperature: float, factors: Floats, rng: np.random.Generator
+        self,
+        begin: int,
+        end: int,
+        temperature: float,
+        factors: Floats | None,
+        rng: np.random.Generator,
     ) -> tuple[float, float]:
         """Replace segments of some drones' paths; returns the value gained and the work done.
 
@@ -257,7 +285,7 @@ class JointPlan:
             begin: the first step to replace.
             end: the step before which the segments end.
             temperature: of the heat bath, in value.
-            factors: random factors of gains, (NOISE,).
+            factors: random factors of gains, (NOISE,); or None to nudge the paths.
             rng: the random numbers.
         """
         segments = self._drawn_segments(begin, end, rng)
@@ -341,10 +369,13 @@ class JointPlan:
         windows: Sequence[TargetWindow],
         segments: Segments,
         count: int,
-        factors: Floats,
+        factors: Floats | None,
         rng: np.random.Generator,
     ) -> Candidates:
-        """Some candidates for each box: the best paths for distorted gains, drone after drone."""
+        """Some candidates for each box, drone after drone: the best paths for distorted gains.
+
+        Without factors, they are nudged paths.
+        """
         reach = segments.reach
         boxes, members = segments.teams.shape
         shape = (segments.steps, boxes, count, reach.height, reach.width)
@@ -353,9 +384,6 @@ class JointPlan:
         by_others[1:, segments.teams.T, np.arange(boxes)] = -1
         found = Candidates(np.zeros((boxes, count)), [], [], [])
         for member, drones in enumerate(segments.teams.T):
-            gains = sum(window.gains(reach) for window in windows)
-            some = factors[int(rng.integers(NOISE)) :][: math.prod(shape)]
-            gains = np.maximum(gains, 0.0) * np.resize(some, shape)  # below 0 by rounding errors
             ends: Any = -1
             if np.all(segments.goals >= 0):
                 ends = reach.indices(segments.goals[:, member])
@@ -365,8 +393,17 @@ class JointPlan:
                 for other, own in zip(segments.teams.T, found.indices, strict=False):
                     mine = self._taken(own[:, None], other[None], drones)
                     taken = [before + more for before, more in zip(taken, mine, strict=True)]
-            starts = reach.indices(segments.cells[0, drones])
-            indices, searches, is_possible = _best(gains, starts, ends, taken, self._in_flight)
+            if factors is None:
+                old = segments.cells[:, drones]
+                cells = nudged(old, segments.goals[:, member], count, self._size, rng)
+                indices, searches, is_possible = _checked(reach, cells, ends, taken)
+                searches |= self._in_flight
+            else:
+                gains = sum(window.gains(reach) for window in windows)
+                some = factors[int(rng.integers(NOISE)) :][: math.prod(shape)]
+                gains = np.maximum(gains, 0.0) * np.resize(some, shape)  # below 0 by rounding
+                starts = reach.indices(segments.cells[0, drones])
+                indices, searches, is_possible = _best(gains, starts, ends, taken, self._in_flight)
             found.indices.append(indices)
             cells = reach.cells(indices)
             looked_at = cells_looked_at(cells, self._in_flight)
@@ -458,6 +495,23 @@ def _where(here: Ints) -> list[Index]:
     if here.shape[-1] == 1:
         return [(box, slice(None), here[other, box, 0])]
     return [(box, candidate, here[other, box, candidate])]
+
+
+def _checked(
+    reach: Boxes, cells: Ints, ends: Any, taken: Sequence[Sequence[Index]]
+) -> tuple[Ints, Flags, Flags]:
+    """Given paths, (L + 1, K, m), in the form of `_best`; a drone that stays searches."""
+    indices = np.moveaxis(reach.indices(np.moveaxis(cells, 1, 2)), 1, 2)
+    is_possible: Any = (indices >= 0).all(axis=0)
+    indices = np.maximum(indices, 0)
+    if np.all(ends >= 0):
+        is_possible &= indices[-1] == ends[:, None]
+    for now, others in zip(indices[1:], taken, strict=True):
+        blocked = np.zeros((*now.shape, reach.height * reach.width), np.bool_)
+        for other in others:
+            blocked[other] = True
+        is_possible &= ~np.take_along_axis(blocked, now[..., None], axis=-1)[..., 0]
+    return indices, cells[1:] == cells[:-1], is_possible
 
 
 def _best(
