@@ -157,7 +157,7 @@ def test_the_table_shows_the_results():
         bound = float(row["bound"])
         assert bound <= best + 1e-6
         assert bound <= published[name].missed + 5e-5
-        if best - bound <= optima.PROVEN:
+        if best - bound <= optima.PROVEN and "gap" not in published[name].gurobi:
             assert best == pytest.approx(published[name].missed, abs=5e-5)
         assert best < published[name].missed + 3e-4
 
