@@ -42,12 +42,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 QUICK = {
     (joint_plan, "ENOUGH"): 1,
+    (joint_plan, "ENOUGH_NUDGES"): 1,
     (choice, "GENERATIONS"): 3,
     (planning, "MANY"): 2_000,
     (planning, "FIGURES"): 4_000,
 }
 GOOD = {
     (joint_plan, "ENOUGH"): 40,
+    (joint_plan, "ENOUGH_NUDGES"): 10,
     (planning, "MANY"): planning.MANY,
     (planning, "FIGURES"): planning.FIGURES,
 }

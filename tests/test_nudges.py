@@ -39,7 +39,7 @@ def test_they_are_paths_that_begin_and_end_where_they_must(is_bound):
 
 @pytest.mark.parametrize("crash", ["end", "block", "pass"])
 def test_plans_with_them_keep_the_rules(crash, monkeypatch):
-    monkeypatch.setattr(joint_plan, "ENOUGH", 2)
+    monkeypatch.setattr(joint_plan, "ENOUGH_NUDGES", 60)
     rng = np.random.default_rng(1)
     chain = rng.dirichlet(np.full(SIZE**2, 0.1), SIZE**2)
     scenario = Scenario(

@@ -93,6 +93,7 @@ def test_annealing_keeps_paths_legal_and_values_exact(plan_of, seed, heat):
 
 def test_the_better_try_counts(monkeypatch):
     """Whichever comes first; one with hardly any work gains little."""
+    monkeypatch.setattr("DroneSwarmSearch.paths.joint_plan.ENOUGH", 1000)  # none left for nudges
     of = search(
         [(0, 0), (11, 11)], grid_size=12, timestep_limit=24,
         person_initial_position=(5, 6), vector=(0.2, -0.1), disperse_constant=5,
