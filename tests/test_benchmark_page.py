@@ -44,7 +44,7 @@ def test_every_trained_policy_has_a_curve_and_nothing_else_does():
     last = {tuple(row[name] for name in algorithms.KEY): float(row["steps"]) for row in CURVES}
     assert last.keys() == trained
     for key, steps in last.items():
-        assert float(RUNS[key]["steps"]) <= steps < 1.02 * float(RUNS[key]["steps"])
+        assert float(RUNS[key]["steps"]) <= steps < 1.03 * float(RUNS[key]["steps"])
 
 
 def test_all_algorithms_try_equally_many_settings():
