@@ -33,8 +33,11 @@ from DroneSwarmSearch.planning import optimum, plan_paths, success_bound
 FOLDER = Path(__file__).parents[1] / "docs/benchmark"
 RESULTS = FOLDER / "optima.csv"
 PAGE = FOLDER / "optima.md"
-COLUMNS = ("search", "work", "planner", "planner_seconds", "best", "bound", "seconds", "nodes")
-COLUMNS += ("success_bound", "success_bound_seconds")
+COLUMNS = (
+    *("search", "work", "planner", "planner_seconds", "best", "bound", "seconds", "nodes"),
+    *("success_bound", "success_bound_seconds"),
+)
+PROVEN = 5e-6  # the difference up to which a plan counts as the best
 
 
 class Published(NamedTuple):
@@ -216,9 +219,6 @@ def table() -> str:
     return markdown(lines)
 
 
-PROVEN = 5e-6  # the difference up to which a plan counts as the best
-
-
 def page() -> str:
     """The page with the table as it should be."""
     return with_table(PAGE, "python benchmarks/optima.py --report", table())
@@ -236,6 +236,9 @@ def main() -> None:
     if options.report:
         PAGE.write_text(page(), "utf-8")
         return
+    for prefix in options.searches or ():
+        if not any(name.startswith(prefix) for name in searches()):
+            parser.error(f"--searches: no search begins like {prefix}")
     for name, posed in searches().items():
         wanted = options.searches is None or name.startswith(tuple(options.searches))
         if wanted and name not in read_rows():

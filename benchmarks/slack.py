@@ -98,7 +98,7 @@ def main() -> None:
     )
     parser.add_argument("--searches", nargs="+", choices=NAMES, default=NAMES)
     parser.add_argument("--size", type=int, default=7, help="cells along a side (7)")
-    parser.add_argument("--seconds", type=float, default=60.0, help="for the exact method (60)")
+    parser.add_argument("--seconds", type=float, default=100.0, help="for the exact method (100)")
     options = parser.parse_args()
     heads = (
         *("search", "drones", "steps", "planner", "best plan", "optimum at most"),

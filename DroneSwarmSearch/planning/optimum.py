@@ -271,6 +271,11 @@ def _expected(values: Floats, parts: Ints) -> Floats:
     return np.take_along_axis(values, numbers, axis=0)
 
 
+def _are_whole(counts: Floats) -> bool:
+    """Whether counts are whole numbers, up to the solver's errors."""
+    return bool(np.abs(counts - np.rint(counts)).max(initial=0.0) < WHOLE)
+
+
 class _Arc(NamedTuple):
     """What drones in a cell may do in a step: where they are then, and whether they look."""
 
@@ -541,7 +546,7 @@ class _Tree:
             if solved is None or solved[0] >= self._least - PROVEN:
                 return None
             bound, looks, flows = solved
-            is_whole = bool(np.abs(looks - np.rint(looks)).max(initial=0.0) < WHOLE)
+            is_whole = _are_whole(looks)
             violation = PROVEN / 2 if is_whole else WORTH_A_CUT * (self._least - bound)
             is_cut = self._cut_off(bound, looks, flows, max(violation, PROVEN / 2))
             if is_whole and not is_cut:  # its value is the bound
@@ -563,8 +568,8 @@ class _Tree:
 
         If its numbers are whole and its plan is better than the best one, that is the best one.
         """
-        whole = np.rint(looks)
-        if np.abs(looks - whole).max(initial=0.0) < WHOLE:
+        if _are_whole(looks):
+            whole = np.rint(looks)
             least = self._misses.of(self._flow.spread(whole))
             if least < self._least:
                 self._least = least
@@ -584,7 +589,7 @@ class _Tree:
 
         With these fixed, the program is a network flow, whose corners are whole.
         """
-        if np.abs(flows - np.rint(flows)).max() > WHOLE:
+        if not _are_whole(flows):
             low = self._program.low
             high = self._program.high
             self._program.limit(whole, whole)

@@ -158,9 +158,9 @@ class Arrivals:
         """The inputs of every drone: float32, shape (searches, n, INPUTS).
 
         Args:
-            ahead: the probability of success (POS) of a search of each cell, now and in the next
-                steps, see `BeliefTracker.success_ahead`; shape (searches, steps + 1, N, N), at any
-                scale. If no search can succeed now, all cells count as equal.
+            ahead: what a search of each cell gains, now and in the next steps, see `SearchGains`;
+                shape (searches, steps + 1, N, N), at any scale. If no search can succeed now, all
+                cells count as equal.
             positions: every drone's (x, y), shape (searches, n, 2).
             remaining: steps until the time limit, at least 1; shape (searches,).
             limit: the time limit, in steps.
