@@ -106,7 +106,10 @@ def beside_each_other(films: list[Path], path: Path) -> None:
         for each in row:
             joined.paste(each, (left, 0))
             left += each.width
-        pictures.append(joined.quantize(48))
+        pictures.append(joined)
+    # One palette for all pictures, so that the sea keeps its colour.
+    palette = pictures[len(pictures) // 2].quantize(255)
+    pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     pictures[0].save(
         path, save_all=True, append_images=pictures[1:], duration=durations, loop=0, optimize=True
     )
