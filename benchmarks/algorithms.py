@@ -273,28 +273,31 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=["tune", "train", "baselines", "report"])
-    parser.add_argument("--algorithms", nargs="+", choices=ALGORITHMS, default=ALGORITHMS)
-    parser.add_argument("--policies", nargs="+", default=(*BASELINES, YARDSTICK))
-    parser.add_argument("--tasks", nargs="+", choices=list(TASKS))
-    parser.add_argument("--seeds", nargs="+", type=int, default=range(5))
+    commands = parser.add_subparsers(dest="command", required=True)
+    tuning = commands.add_parser("tune", help="try settings")
+    training = commands.add_parser("train", help="train with the best setting, and evaluate")
+    flying = commands.add_parser("baselines", help="evaluate policies that need no training")
+    commands.add_parser("report", help="write the table of the page")
+    for each in (tuning, training):
+        each.add_argument("--algorithms", nargs="+", choices=ALGORITHMS, default=ALGORITHMS)
+    for each, tasks in ((tuning, TUNED_ON), (training, TASKS), (flying, TASKS)):
+        each.add_argument("--tasks", nargs="+", choices=tuple(tasks), default=tuple(tasks))
+    training.add_argument("--seeds", nargs="+", type=int, default=range(5), help="0 1 2 3 4")
+    names = (*BASELINES, YARDSTICK)
+    flying.add_argument("--policies", nargs="+", choices=names, default=names)
     options = parser.parse_args()
-    possible = TUNED_ON if options.what == "tune" else tuple(TASKS)
-    tasks = options.tasks or possible
-    if not set(tasks) <= set(possible):
-        parser.error(f"--tasks: tune tries settings on {' and '.join(TUNED_ON)} only")
     done = {tuple(row[name] for name in KEY) for row in rows_of(RESULTS)}
-    if options.what == "tune":
+    if options.command == "tune":
         tried = {(row["algorithm"], row["task"], row["setting"]) for row in rows_of(TUNING)}
-        for number, task, name in itertools.product(range(8), tasks, options.algorithms):
+        for number, task, name in itertools.product(range(8), options.tasks, options.algorithms):
             if (name, task, str(number)) not in tried:
                 tune(name, task, number)
-    elif options.what == "train":
-        for seed, task, algorithm in itertools.product(options.seeds, tasks, options.algorithms):
-            if (algorithm, task, str(seed)) not in done:
-                train(algorithm, task, seed)
-    elif options.what == "baselines":
-        for task, name in itertools.product(tasks, options.policies):
+    elif options.command == "train":
+        for seed, task, name in itertools.product(options.seeds, options.tasks, options.algorithms):
+            if (name, task, str(seed)) not in done:
+                train(name, task, seed)
+    elif options.command == "baselines":
+        for task, name in itertools.product(options.tasks, options.policies):
             if (name, task, "") not in done:
                 baseline(name, task)
     else:

@@ -1,8 +1,8 @@
 """Searches of the literature whose best plans are published: the planner, and exact plans.
 
-    python benchmarks/optima.py                          # what is missing, search after search
-    python benchmarks/optima.py --searches eagle royset-9-10-3 --seconds 60
-    python benchmarks/optima.py --report                 # the table of the page
+    python benchmarks/optima.py run                      # what is missing, search after search
+    python benchmarks/optima.py run --searches eagle royset-9-10-3 --seconds 60
+    python benchmarks/optima.py report                   # the table of the page
 
 Each search is posed as a `Scenario`. The planner works for `--work` seconds, the exact method for
 at most `--seconds`, and the bound `success_bound` as by default. A row is written after each
@@ -221,24 +221,26 @@ def table() -> str:
 
 def page() -> str:
     """The page with the table as it should be."""
-    return with_table(PAGE, "python benchmarks/optima.py --report", table())
+    return with_table(PAGE, "python benchmarks/optima.py report", table())
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--searches", nargs="+", help="whose names begin like this (all)")
-    parser.add_argument("--work", type=float, default=5.0, help="of the planner, seconds (5)")
-    parser.add_argument("--seconds", type=float, default=900.0, help="for the exact method (900)")
-    parser.add_argument("--report", action="store_true", help="only write the table")
+    commands = parser.add_subparsers(dest="command", required=True)
+    runs = commands.add_parser("run", help="plan the searches that have no row")
+    runs.add_argument("--searches", nargs="+", help="whose names begin like this (all)")
+    runs.add_argument("--work", type=float, default=5.0, help="of the planner, seconds (5)")
+    runs.add_argument("--seconds", type=float, default=900.0, help="for the exact method (900)")
+    commands.add_parser("report", help="write the table of the page")
     options = parser.parse_args()
-    if options.report:
+    if options.command == "report":
         PAGE.write_text(page(), "utf-8")
         return
     for prefix in options.searches or ():
         if not any(name.startswith(prefix) for name in searches()):
-            parser.error(f"--searches: no search begins like {prefix}")
+            runs.error(f"--searches: no search begins like {prefix}")
     for name, posed in searches().items():
         wanted = options.searches is None or name.startswith(tuple(options.searches))
         if wanted and name not in read_rows():

@@ -150,7 +150,7 @@ def test_published_optima():
 
 
 def test_the_table_shows_the_results():
-    assert optima.PAGE.read_text("utf-8") == optima.page(), "run benchmarks/optima.py --report"
+    assert optima.PAGE.read_text("utf-8") == optima.page(), "run benchmarks/optima.py report"
     published = {name: posed.published for name, posed in optima.searches().items()}
     for name, row in optima.read_rows().items():
         best = float(row["best"])
