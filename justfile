@@ -15,9 +15,13 @@ setup:
 demo *options:
     python basic_env.py {{ options }}
 
-# run the tests on all CPUs
+# run the quick tests on all CPUs
 test *options:
     python -m pytest -n auto {{ options }}
+
+# run the thorough tests, too, which take seconds each
+thorough *options:
+    python -m pytest -n auto -m "not slow" {{ options }}
 
 # run the slow tests
 slow *options:

@@ -32,6 +32,7 @@ def measured(path: Path, *arguments: str) -> dict[str, Any]:
     return results
 
 
+@pytest.mark.thorough
 def test_every_ratio_is_measured(tmp_path):
     results = measured(tmp_path / "results.json", "--only", *COMPARED)
     assert results["versions"]["numpy"] == np.__version__
@@ -60,6 +61,7 @@ def test_missing_packages_are_skipped(tmp_path, capsys):
     assert "python -m pip install jaxmarl" in shown
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "case",
     list(dict.fromkeys(each for name in COMPARED for ratio in GROUPS[name] for each in ratio)),

@@ -27,6 +27,7 @@ def exact_bound(index: int) -> SuccessBound:
 
 
 class TestSmallSearches:
+    @pytest.mark.thorough
     @pytest.mark.parametrize("index", [1, 4, 6, 8, 10, 12, 13])
     def test_is_never_below_the_optimum_and_nearly_that_of_a_single_drone(self, index):
         """A drone that remembers everything never counts a detection twice."""
@@ -59,6 +60,7 @@ class TestSuccessBound:
         of = self.search(**changes)
         return success_bound(of.scenario, of.drones, horizons=horizons, memory=2)
 
+    @pytest.mark.thorough
     def test_for_several_persons_is_the_product(self):
         cells = [(2, 3), (4, 1), (1, 1), (2, 3)]
         detections = (0.9, 0.5, 0.4, 0.9)
@@ -75,6 +77,7 @@ class TestSuccessBound:
         upper = math.prod(bound.relaxed + bound.gap for bound in of_each)
         assert together.gap == pytest.approx(upper - value)
 
+    @pytest.mark.thorough
     def test_of_a_coverage_mission_is_the_mean_over_persons(self):
         easy = Person(Drift((0, 1), diffusion=0.2), 0.9)
         hard = Person([Drift((2, 3), diffusion=0.4), Drift((4, 4))], 0.3)
@@ -115,6 +118,7 @@ def sampled_bound() -> SuccessBound:
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["planner", "greedy-posterior"])
 def test_no_policy_exceeds_the_bound(name):
     bound = sampled_bound()
@@ -129,6 +133,7 @@ def test_no_policy_exceeds_the_bound(name):
     assert success_of(SAMPLED, paths_of(policy, SAMPLED))[0] <= bound.by_limit
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("persons", "detections", "sampled"),
     [

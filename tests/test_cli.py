@@ -100,6 +100,7 @@ def test_the_default_command_is_play(arguments, monkeypatch):
     assert [options.text for options in seen] == ["--text" in arguments]
 
 
+@pytest.mark.thorough
 def test_searches_of_the_benchmark_have_names(capsys):
     command.main(["play", "radio/499", "--policy", "random", "--text", "--fps", "50"])
     shown = capsys.readouterr().out
@@ -302,6 +303,7 @@ def test_a_closed_pipe_ends_the_command_quietly():
         assert process.wait(60) == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device is always full")
 @pytest.mark.parametrize(
     ("arguments", "buffered"),

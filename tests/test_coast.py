@@ -69,6 +69,7 @@ def north(tmp_path) -> str:
     return str(path)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "position",
     [
@@ -126,6 +127,7 @@ def test_persons_start_at_sea_and_strand_on_shores(north):
     assert (free.positions[1, 0] > SHORE).any()
 
 
+@pytest.mark.thorough
 def test_stranded_persons_are_found(north):
     made = plan(Incident(**{**STILL, "current": (0.0, 0.5), "coast": north}))
     assert made.probability_of_success > 0.6
@@ -265,6 +267,7 @@ class TestFiles:
         [land] = [each for each in features if each["properties"].get("name") == "land"]
         return shapely.geometry.shape(land["geometry"])
 
+    @pytest.mark.thorough
     def test_geojson_holds_the_land(self, folder):
         collection = json.loads((folder / "island" / "plan.geojson").read_text())
         [land] = [
@@ -339,6 +342,7 @@ class TestSearchOnAGrid:
         share = len(search.land) / frame.grid_size**2
         assert 0.3 * share < differs.sum() / map_pixels < 2 * share
 
+    @pytest.mark.thorough
     @pytest.mark.parametrize(
         ("land", "error"), [([(0, 99)], ValueError), ([(0.5, 1)], ValueError), (3, TypeError)]
     )
@@ -347,6 +351,7 @@ class TestSearchOnAGrid:
             replace(search, land=land)
 
 
+@pytest.mark.thorough
 def test_the_command_takes_a_coast(tmp_path, capsys, north):
     known = ["--position", "54.0", "5.0", "--time", "2026-03-01T05:30Z", "--object", "PIW-1"]
     known += ["--wind", "180", "20kn", "--error", "100m", "--drones", "1"]

@@ -39,6 +39,7 @@ def test_every_episode_has_the_success_of_its_path(person, view):
     assert np.ptp(episodes.curves[:, -1]) > 0.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("persons", [("known", "missed"), ("known", "missed", "hypotheses")])
 def test_several_persons(persons):
     """Sampled until one person is missing."""

@@ -129,6 +129,7 @@ def test_aec_render(monkeypatch):
     render_test(lambda **mode: env_module.env(grid_size=10, n_drones=2, **mode))
 
 
+@pytest.mark.thorough
 @each_parameters
 def test_observations_have_the_documented_form(parameters):
     env = DroneSwarmSearch(**parameters)

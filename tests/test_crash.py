@@ -52,6 +52,7 @@ def test_drones_stay_or_share(crash, cells, actions, expected):
     assert rewards["total_reward"] == 3 and len(env.agents) == 3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("crash", ["block", "pass"])
 @pytest.mark.parametrize(
     "changes",

@@ -13,6 +13,8 @@ from DroneSwarmSearch.incident import Incident, plan
 pytest.importorskip("cmaes")
 pytest.importorskip("astral")
 
+pytestmark = pytest.mark.thorough
+
 DAY = 86_400.0
 LONDON = (51.5074, -0.1278)
 

@@ -114,6 +114,7 @@ def keys(*names: str) -> Script:
 
 
 class TestText:
+    @pytest.mark.thorough
     def test_without_a_display_it_plays_in_the_terminal(self):
         done = subprocess.run(
             [sys.executable, "-W", "error", "basic_env.py"],
@@ -149,6 +150,7 @@ class TestText:
             shown.append([bool(re.search(mark + "[.:;=o%#@]", output)) for mark in (" P", r"F\d")])
         assert shown == [[True, True], [False, True]]
 
+    @pytest.mark.thorough
     def test_prints_some_frames_of_a_long_search(self, tmp_path, capsys):
         path = search_file(tmp_path, timestep_limit=1000, probability_of_detection=0)
         cli.main(["play", path, "--text"])
@@ -269,6 +271,7 @@ class TestWindow:
         assert {frame.scale for frame in shown} == {None, Scale(150, 10)}
         assert heights[1] > heights[0]
 
+    @pytest.mark.thorough
     def test_the_next_seed_is_that_of_the_option(self, capsys, monkeypatch):
         def script(player: Player) -> Iterator[str]:
             yield from watch(player)

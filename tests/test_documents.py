@@ -97,6 +97,7 @@ def block_params() -> list[object]:
     return params
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("block", block_params())
 def test_python_block(block, tmp_path, monkeypatch):
@@ -244,6 +245,7 @@ def first_plan(tmp_path_factory):
     return folder / "plan"
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("command", command_params(slow=False))
 @pytest.mark.usefixtures("brief_plans")
@@ -277,6 +279,7 @@ def test_command(command, first_plan, tmp_path, monkeypatch):
             assert (tmp_path / argument).exists() or argument.startswith("-")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("script", "shown"),
     [

@@ -32,6 +32,7 @@ def test_commands(arguments, capsys):
     assert_fits(capsys.readouterr().out)
 
 
+@pytest.mark.thorough
 def test_a_leaderboard(tmp_path, capsys):
     policies = "random parallel-sweep creeping-line expanding-square sector-search greedy-matrix"
     arguments = f"leaderboard --no-bound --episodes 20 --searches pond --policies {policies}"

@@ -155,6 +155,7 @@ def arrays_in(shown: Any, name: str = "") -> dict[str, np.ndarray]:
     return {key: array for part in parts for key, array in part.items()}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("masks", [None, False, True])
 @pytest.mark.parametrize("observation", LAYOUTS)
 @pytest.mark.parametrize("kind", [SwarmVectorEnv, DroneVectorEnv])
@@ -232,6 +233,7 @@ def test_a_policy_is_prepared_once_and_copied_for_every_portion(monkeypatch, tmp
     assert log.read_text().splitlines()[4:] == ["reset 10 None after 0", "reset 11 None after 12"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("policy", [in_swarms, "random", "greedy-posterior", "planner"])
 def test_the_size_of_portions_has_no_effect(policy, monkeypatch):
     """Nor do the caches of the package's policies."""

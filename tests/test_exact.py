@@ -42,6 +42,7 @@ class Climber(SwarmPolicy):
         return actions
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted({*POLICIES} - {"random"}))
 @pytest.mark.parametrize("person", PERSONS)
 def test_packaged_policies_agree_with_a_dense_chain(name, person):
@@ -97,6 +98,7 @@ def test_a_crash_ends_the_search():
     assert got.time.value == pytest.approx(1 + 0.5 + 0.25 + 5 * 0.125)
 
 
+@pytest.mark.thorough
 def test_the_policy_or_the_caller_states_that_it_is_deterministic():
     search = named("known")
 

@@ -153,6 +153,7 @@ def test_values_are_interpolated_up_to_the_last_of_each_axis(tmp_path):
         assert flow == pytest.approx(np.array(expected), abs=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("field", "most"), [(shear, 0.005), (eddy, 0.01)])
 def test_particles_follow_the_exact_tracks(field, most, tmp_path):
     """Both fields are linear, so the mean of the particles drifts as a single one would."""
@@ -170,6 +171,7 @@ def test_particles_follow_the_exact_tracks(field, most, tmp_path):
     assert way > 1000
 
 
+@pytest.mark.thorough
 def test_persons_strand_and_are_found_ashore(tmp_path):
     incident = Incident(**KNOWN, current=write(tmp_path / "ocean.nc", strait, points=121))
     cloud = simulate(incident, 5000, 0)
@@ -183,6 +185,7 @@ def test_persons_strand_and_are_found_ashore(tmp_path):
     assert chart.draw(plan, [0]).axes[0].get_legend_handles_labels()[1][2].startswith("current at")
 
 
+@pytest.mark.thorough
 def test_drones_fly_in_the_wind_of_the_file(tmp_path):
     """At 10 m and above, at their places and times."""
     names = "x_wind", "y_wind"
@@ -200,6 +203,7 @@ def test_drones_fly_in_the_wind_of_the_file(tmp_path):
     assert simulate(Incident(**KNOWN), 100, 0).ashore == 0
 
 
+@pytest.mark.thorough
 def test_files_need_to_cover_the_persons_only(tmp_path):
     """Not all flights that drones try, nor the hours after the last landing, nor the whole map."""
     path = write(tmp_path / "weather.nc", shear, ("x_wind", "y_wind"), points=61)

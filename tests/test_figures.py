@@ -14,6 +14,8 @@ from DroneSwarmSearch.evaluation import SUITE
 
 pytest.importorskip("matplotlib")
 
+pytestmark = pytest.mark.thorough
+
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 COMMITTED = DOCS / "figures"

@@ -23,6 +23,8 @@ from DroneSwarmSearch.incident.sweep_widths import DETECTION, sweep_width
 
 pytest.importorskip("cmaes")
 
+pytestmark = pytest.mark.thorough
+
 TIME = datetime(2026, 3, 1, 5, 30, tzinfo=timezone.utc)
 KNOWN = {
     "position": (54, 7),

@@ -258,6 +258,7 @@ SOURCES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", SOURCES)
 @pytest.mark.parametrize("is_packed", [False, True])
 def test_files_as_their_providers_ship_them(name, is_packed, tmp_path):

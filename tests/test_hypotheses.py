@@ -145,6 +145,7 @@ def test_persons_are_shared_out_by_weight(case):
     assert few == pytest.approx([0.25, 0.25, 0.5], abs=0.03)
 
 
+@pytest.mark.thorough
 def test_a_plan_states_what_it_finds_of_each_part(case):
     made = plan(case, seconds=1)
     parts = {part.name: part for part in made.parts}
@@ -178,6 +179,7 @@ def test_an_area_is_found_from_the_folder_of_the_file(tmp_path):
     assert Incident.read(path).origin == known.origin
 
 
+@pytest.mark.thorough
 def test_a_later_report_takes_the_place_of_all_hypotheses(case):
     made = plan(case, seconds=1)
     later = LAST + timedelta(hours=3)
@@ -228,6 +230,7 @@ BASE = ["plan", "--wind", "300", "20kn", "--coast", "none", "--seconds", "1", "-
 AT = ["--position", "54", "7", "--time", "2026-03-01T05:30Z"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("options", "words"),
     [

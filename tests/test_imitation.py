@@ -111,6 +111,7 @@ class TestSimulations:
         assert fewer == pytest.approx(max(others)) and found >= max(*others, fewer) - 1e-9
 
 
+@pytest.mark.thorough
 def test_the_default_weights_beat_a_pattern_on_a_search_outside_training():
     drawn = scenario(
         grid_size=13,  # smaller than any grid of the training

@@ -45,6 +45,7 @@ def test_a_drone_looks_where_it_arrives(action, where):
     assert not infos["Found"] and rewards["drone0"] == -100
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("crash", ["end", "block", "pass"])
 @pytest.mark.parametrize("radio_range", [None, 1.5])
 @pytest.mark.parametrize("scheme", [RewardScheme(), RewardScheme.expected()], ids=["", "expected"])
@@ -56,6 +57,7 @@ def test_batches_are_the_same_bit_for_bit(crash, radio_range, scheme):
     assert max(twins.episodes) > 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("crash", ["block", "pass"])
 def test_plans_find_as_often_as_they_say(crash):
     """By their paths, step by step, and in episodes that are played."""
@@ -92,6 +94,7 @@ def upper_bound() -> float:
     return success_bound(search(), [(0, 0), (1, 0)], **quick).by_limit
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("policy", POLICIES)
 def test_policies_find_more_by_looking_on_the_way(policy, upper_bound):
     in_flight = evaluate(policy, search(), episodes=300, progress=False)
@@ -116,6 +119,7 @@ def side_neighbours(size: int, stay: float) -> np.ndarray:
 EAGLE = {(0, 0): 0.7786, (1, 0): 0.8631, (1, 1): 0.8631, (2, 1): 1.0}
 
 
+@pytest.mark.thorough
 @pytest.mark.good_plans
 @pytest.mark.parametrize(("start", "optimum"), EAGLE.items())
 def test_plans_reach_published_optima_and_bounds_do_not_fall_below(start, optimum):

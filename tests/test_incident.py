@@ -84,6 +84,7 @@ def test_the_plane_agrees_with_the_ellipsoid(latitude, distance, most):
     assert abs(GEOD.inv(back[:, 1], back[:, 0], there[0], there[1])[2]).max() < 1e-6
 
 
+@pytest.mark.thorough
 def test_north_is_north_where_the_search_is():
     """After 12 hours at 70 degrees north, the drift has turned with the meridians."""
     incident = Incident(
@@ -109,6 +110,7 @@ def test_north_is_north_where_the_search_is():
     assert GEOD.inv(there, here, longitude, latitude)[2] < 60
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name", ["PIW-1", "PIW-4", "LIFE-RAFT-NB-2", "SKIFF-4", "FISHING-VESSEL-1"]
 )
@@ -276,6 +278,7 @@ def test_patterns_are_those_of_the_manual(kind):
     assert port == pytest.approx(points * (-1, 1), abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_drones_fly_at_heights_of_their_own_and_search_between(plan):
     assert len(plan.flights) == len(plan.orders) == 2
     for number, flight in enumerate(plan.flights):
@@ -321,6 +324,7 @@ def found(plan: FlightPlan, persons: int = 20_000, seed: int = 5) -> float:
     return float(cloud.weights @ (1 - missed))
 
 
+@pytest.mark.thorough
 @pytest.mark.good_plans
 @pytest.mark.parametrize(
     "values",
@@ -356,6 +360,7 @@ def test_plans_beat_a_rectangle_around_the_middle(plan):
     assert plan.probability_of_success > 1 - missed.mean() + 0.05
 
 
+@pytest.mark.thorough
 @pytest.mark.good_plans
 def test_the_second_sortie_begins_with_the_posterior_of_the_first(plan):
     again = after(plan.incident, plan)
@@ -371,6 +376,7 @@ def test_the_second_sortie_begins_with_the_posterior_of_the_first(plan):
     assert found(second) == pytest.approx(second.probability_of_success, abs=0.015)
 
 
+@pytest.mark.thorough
 def test_a_plan_says_what_a_drone_an_hour_or_the_wind_would_change():
     small = Incident(**{**KNOWN, "drones": 1, "endurance": "20 min"})
     assert plan_flights(small, seconds=0.1).alternatives == ()
@@ -415,6 +421,7 @@ def test_defaults_follow_the_values_on_which_they_depend(tmp_path):
     assert incident.changed(reserve="5min").changed(endurance="100 min").reserve == 300
 
 
+@pytest.mark.thorough
 @pytest.mark.good_plans
 def test_many_drones_share_heights_and_keep_clear_of_each_other():
     incident = Incident(**{**KNOWN, "drones": 8, "endurance": "30 min"})
@@ -477,6 +484,7 @@ def test_the_quick_plan_is_done_in_seconds():
         plan_flights(incident, seconds=0)
 
 
+@pytest.mark.thorough
 def test_a_late_take_off_costs_what_persons_elsewhere_say(plan):
     zero, *later = plan.delays
     assert zero == (0, 0.0)
@@ -524,6 +532,7 @@ def test_an_incident_survives_its_file(plan, tmp_path):
     assert "base" not in values, "so that it moves with the position"
 
 
+@pytest.mark.thorough
 def test_tracks_take_the_place_of_class_and_current(tmp_path):
     rng = np.random.default_rng(0)
     times = 120
@@ -564,6 +573,7 @@ def test_files_of_tracks_may_have_any_name(tmp_path):
     assert Incident.read(tmp_path / "elsewhere" / "incident.json").position == incident.position
 
 
+@pytest.mark.thorough
 def test_the_search_on_a_grid_has_the_particles_as_tracks():
     incident = Incident(**KNOWN)
     search = search_on_grid(incident)
@@ -591,6 +601,7 @@ def test_a_missing_package_names_the_extra(monkeypatch):
         plan_flights(Incident(**KNOWN))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("values", "message"),
     [

@@ -82,6 +82,7 @@ def future(env: DroneSwarmSearch) -> list[Any]:
     return [*now, play_on(env, observed(env), random.Random(5))]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("parameters", "actions"), STEPS.values(), ids=STEPS)
 def test_an_interrupted_step_of_an_environment(parameters, actions):
     env = DroneSwarmSearch(**parameters)

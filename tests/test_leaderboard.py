@@ -141,6 +141,7 @@ def test_submissions_are_evaluated_as_their_rows_state(tmp_path):
     assert np.array_equal(odd.curves, random.curves)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("policy", ["parallel-sweep", "random"])
 def test_a_claim_is_the_mean_over_the_searches_or_in_its_interval(tmp_path, policy):
     """Exact for the first policy, give or take a tenth of a point; sampled for the second."""
@@ -183,6 +184,7 @@ def test_bad_input_is_refused(arguments, words):
         leaderboard(**{"searches": ["pond"], "episodes": 1, **arguments}, progress=False)
 
 
+@pytest.mark.thorough
 def test_it_prints_and_writes_everything(tmp_path, capsys):
     pytest.importorskip("matplotlib")
     out = tmp_path / "out"

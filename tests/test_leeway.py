@@ -154,6 +154,7 @@ def veering(hours: float) -> tuple[float, float]:
     return 9 - hours, -3 - 0.8 * hours
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("rate", [0, 0.04])
 @pytest.mark.parametrize(
     ("name", "hours", "wind_at"),

@@ -19,6 +19,8 @@ from DroneSwarmSearch.incident.manual import (
 
 pytest.importorskip("cmaes")
 
+pytestmark = pytest.mark.thorough
+
 MILE = 1852.0
 KNOWN: dict[str, Any] = {
     "position": (54.3, 7.3),

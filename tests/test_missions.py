@@ -18,6 +18,8 @@ from DroneSwarmSearch.incident import plan as plan_flights
 
 pytest.importorskip("cmaes")
 
+pytestmark = pytest.mark.thorough
+
 # Commands of MAVLink.
 WAYPOINT = 16
 RETURN = 20

@@ -14,6 +14,8 @@ from DroneSwarmSearch.incident.flights import track
 pytest.importorskip("cmaes")
 shapely = pytest.importorskip("shapely")
 
+pytestmark = pytest.mark.thorough
+
 CORNERS = "54-00.2N 007-00.4E; 54-00.2N 007-02.0E; 53-59.0N 007-02.0E; 53-59.0N 007-00.4E"
 KNOWN = {
     "position": (54, 7),

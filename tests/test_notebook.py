@@ -13,6 +13,8 @@ from helpers import few_pictures, module_at
 
 from DroneSwarmSearch import DroneSwarmSearch
 
+pytestmark = pytest.mark.thorough
+
 ROOT = Path(__file__).parents[1]
 
 make_notebook = module_at(ROOT / "docs" / "make_notebook.py")

@@ -37,6 +37,7 @@ def test_they_are_paths_that_begin_and_end_where_they_must(is_bound):
         assert len({tuple(cells) for cells in candidates.tolist()}) > 50
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("crash", ["end", "block", "pass"])
 def test_plans_with_them_keep_the_rules(crash, monkeypatch):
     monkeypatch.setattr(joint_plan, "ENOUGH_NUDGES", 60)

@@ -67,6 +67,7 @@ def most_found(scenario, starts):
     return 1 - min((missed ** (counts[1] + row) @ chances).min() for row in counts[0])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("in_flight", [False, True])
 @pytest.mark.parametrize(("drones", "steps"), [(1, 6), (2, 4)])
@@ -116,6 +117,7 @@ def check_paths(scenario, starts, found):
     assert 1 - mass.sum() == pytest.approx(found.success, abs=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.good_plans
 def test_it_is_between_plan_and_bound():
     drifts = [

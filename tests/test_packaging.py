@@ -104,6 +104,7 @@ def tracked(*folders: str) -> set[str]:
     return {file for file in files if (CHECKOUT / file).exists()}
 
 
+@pytest.mark.thorough
 def test_the_wheel_contains_only_the_packages(built):
     path = built / f"{NAME}-py3-none-any.whl"
     assert path.stat().st_size < 6 * MEGABYTE  # mostly tracks of the suite
@@ -152,6 +153,7 @@ def test_the_description_is_the_readme_with_links_to_the_tag(built):
     assert description == "".join(parts)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "what",
     ["wheel", *(pytest.param(what, marks=pytest.mark.slow) for what in ("sdist", "editable"))],

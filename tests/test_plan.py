@@ -72,6 +72,7 @@ def test_value_and_success_are_the_sums_over_all_trajectories(plan_of, weight):
     assert plan.value() == pytest.approx(value, abs=1e-12)
 
 
+@pytest.mark.thorough
 @settings(max_examples=60, derandomize=True)
 @given(plans(most_steps=9), st.integers(0, 2**32), st.sampled_from([1e-9, 0.01, 10.0]))
 def test_annealing_keeps_paths_legal_and_values_exact(plan_of, seed, heat):
@@ -91,6 +92,7 @@ def test_annealing_keeps_paths_legal_and_values_exact(plan_of, seed, heat):
     assert 0.0 <= fractions[0] <= fractions[-1] <= 1.0
 
 
+@pytest.mark.thorough
 def test_the_better_try_counts(monkeypatch):
     """Whichever comes first; one with hardly any work gains little."""
     monkeypatch.setattr("DroneSwarmSearch.paths.joint_plan.ENOUGH", 1000)  # none left for nudges

@@ -19,6 +19,8 @@ from matplotlib.text import Text
 
 from DroneSwarmSearch.incident.files import chart
 
+pytestmark = pytest.mark.thorough
+
 
 @cache
 def planned(position: tuple[float, float], base: tuple[float, float], drones: int) -> FlightPlan:

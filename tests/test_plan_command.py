@@ -158,6 +158,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("options", "message"), REFUSED.values(), ids=REFUSED)
 def test_options_are_refused_by_name(capsys, monkeypatch, tmp_path, options, message):
     monkeypatch.chdir(tmp_path)
@@ -366,6 +367,7 @@ def test_a_plan_needs_some_tracks(tmp_path):
         plan_flights(Incident(tracks=path, start="00:10Z", night=True))
 
 
+@pytest.mark.thorough
 def test_a_longer_flight_than_the_tracks(tmp_path, capsys):
     path = drifting(tmp_path / "tracks.nc")
     assert (
@@ -428,6 +430,7 @@ def names(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("quick_maps")
 def test_a_folder_holds_one_plan(plan, small, tmp_path):
     """Files of another plan go, those of other origin stay and are named."""
@@ -562,6 +565,7 @@ def test_a_full_disk_is_noticed_first(capsys, tmp_path, monkeypatch):
     assert names(tmp_path) == set()
 
 
+@pytest.mark.thorough
 def test_the_orders_are_printed_before_the_files_are_written(capsys, tmp_path, monkeypatch, plan):
     def fails(made: FlightPlan, folder: Path) -> None:
         raise OSError(errno.EIO, "broken", str(folder))
@@ -578,6 +582,7 @@ def test_the_orders_are_printed_before_the_files_are_written(capsys, tmp_path, m
 # Closed streams, and a backend that Jupyter sets.
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
 def test_closed_streams(closed, tmp_path):
     """Results go to the stream that is left, and the work is done."""
@@ -610,6 +615,7 @@ def test_progress_without_standard_error(monkeypatch):
         bar(0.5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "backend", ["module://matplotlib_inline.backend_inline", "none", "", "agg"]
 )
@@ -638,6 +644,7 @@ TITLES = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("title", TITLES, ids=range(len(TITLES)))
 def test_any_title_survives_in_every_file(plan, tmp_path, title):
     path = tmp_path / "ocean.nc"

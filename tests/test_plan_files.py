@@ -19,6 +19,8 @@ from DroneSwarmSearch.rendering import drone_colour
 
 pytest.importorskip("cmaes")
 
+pytestmark = pytest.mark.thorough
+
 GEOD = pyproj.Geod(ellps="WGS84")
 NORTH_SEA = (54.18, 7.85)
 FIJI = (-17.0, 180.0)

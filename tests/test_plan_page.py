@@ -16,6 +16,8 @@ from DroneSwarmSearch.incident import plan as plan_flights
 
 pytest.importorskip("cmaes")
 
+pytestmark = pytest.mark.thorough
+
 ROOT = Path(__file__).parents[1]
 
 ISLAND = {

@@ -65,6 +65,7 @@ TYPICAL = (3, 6, 10, 13)
 """Searches of `SMALL`: with and without drift, one drone and two, hypotheses and arrays."""
 
 
+@pytest.mark.thorough
 @pytest.mark.good_plans
 @pytest.mark.parametrize(
     "index",
@@ -79,6 +80,7 @@ def test_is_close_to_the_optimum(index):
     assert 0.97 * most <= planner_success(SMALL[index]) <= most + 1e-12
 
 
+@pytest.mark.thorough
 @settings(max_examples=4, derandomize=True)
 @given(small_searches())
 def test_is_never_below_greedy_with_one_person(of):
@@ -87,6 +89,7 @@ def test_is_never_below_greedy_with_one_person(of):
     assert planner_success(of) >= greedy - 1e-12
 
 
+@pytest.mark.thorough
 @pytest.mark.good_plans
 def test_more_work_finds_more_and_the_same_work_the_same():
     of = search(
@@ -116,6 +119,7 @@ class TestFollowingPlans:
         assert plans_made == [0]
         assert min(success_of(A_SEARCH, paths)) > 0.2
 
+    @pytest.mark.thorough
     def test_copies_include_a_prepared_plan(self, plans_made):
         policy = planner(A_SEARCH)
         policy.prepare(A_SEARCH.drones)

@@ -80,6 +80,7 @@ COVERAGE = {**UNCERTAIN, "mission": "coverage"}
 LONG = ("imitation", "planner")  # take as long as all others together
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "persons", "bayesian_update"),
     [
@@ -115,6 +116,7 @@ def test_a_batch_gets_the_same_actions_as_single_searches(name, persons, bayesia
         assert mine == expected
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_copies_continue_identically_and_independently(name):
     persons = [(0, 0), (5, 5)]
@@ -136,6 +138,7 @@ def test_copies_continue_identically_and_independently(name):
         assert np.array_equal(twin(seen), actions)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_no_drone_ever_collides_or_leaves_the_grid(name):
     @settings(max_examples=2 if name == "planner" else 5, derandomize=True)

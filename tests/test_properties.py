@@ -296,6 +296,7 @@ def test_rare_events_follow_the_rules(episode):
     check_episode(episode)
 
 
+@pytest.mark.thorough
 @settings(max_examples=200, derandomize=True)
 @given(episodes())
 def test_random_episodes_follow_the_rules(episode):

@@ -40,6 +40,7 @@ from DroneSwarmSearch.wrappers import (
 LEFT, RIGHT, UP, DOWN, _, IDLE = map(int, Action)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("persons", [2, 3])
 @pytest.mark.parametrize("radio_range", [0, 1, 2])
 def test_each_drone_knows_what_follows_from_what_it_hears(persons, radio_range):
@@ -96,6 +97,7 @@ RULES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shared", [False, True])
 @pytest.mark.parametrize("crash", ["end", "block", "pass"])
 @pytest.mark.parametrize("changes", RULES.values(), ids=RULES)
@@ -349,6 +351,7 @@ def test_drones_that_hear_all_act_as_without_radios(policy):
             seen = [env.step(actions[0])[0] for env in envs]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("policy", [*OWN, "random", "parallel-sweep", "planner"])
 def test_one_search_is_steered_as_in_a_batch(policy):
     scenario = wide(radio_range=2)
@@ -367,6 +370,7 @@ def test_yardsticks_refuse_what_single_drones_know():
         policies.make("planner", env.scenario)(observations)
 
 
+@pytest.mark.thorough
 def test_lessons_and_radio_find_more():
     """In a wreck that may have drifted in eight directions."""
     vectors = [(np.cos(angle), np.sin(angle)) for angle in np.arange(8) * np.pi / 4]

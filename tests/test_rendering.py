@@ -249,6 +249,7 @@ class TestCells:
 
 
 class TestSymbols:
+    @pytest.mark.thorough
     @pytest.mark.parametrize("grid_size", SIZES)
     def test_drones_and_persons_are_visible_and_distinct(self, grid_size):
         at = ((0, 1),)
@@ -260,6 +261,7 @@ class TestSymbols:
             for other in looks[:number]:
                 assert differs(look.map, other.map, 60).sum() > 0.02 * look.cell(0, 1)[..., 0].size
 
+    @pytest.mark.thorough
     @pytest.mark.parametrize("grid_size", [20, 48, 200])
     def test_25_drones_differ(self, grid_size):
         stride = max(grid_size // 20, 1)

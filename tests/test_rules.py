@@ -125,6 +125,7 @@ def test_endings(happened, expected):
     assert ending is expected
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scheme", SCHEMES, ids=SCHEME_NAMES)
 @pytest.mark.parametrize("limit", [1, 3])
 def test_outcomes_of_a_batch_equal_those_of_each_search(scheme, limit):

@@ -11,6 +11,7 @@ from DroneSwarmSearch import DroneSwarmSearch, Person
 from DroneSwarmSearch.vector import SearchBatch
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("bayesian", [False, True])
 def test_sampled_searches_are_those_of_the_single_environment_across_catalogues(bayesian):
     """Enough episodes that the sampler draws anew while others are under way."""

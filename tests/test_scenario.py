@@ -127,6 +127,7 @@ def test_defaults_may_be_given_together_with_a_scenario():
             kind(scenario=scenario, vector=[[1, 2], [3]])
 
 
+@pytest.mark.thorough
 def test_the_success_rates_of_the_example_are_as_documented():
     env = DroneSwarmSearch.example()
     assert (env.grid_size, env.n_drones, env.timestep_limit) == (15, 3, 60)

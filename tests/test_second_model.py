@@ -107,6 +107,7 @@ def scenario_of(persons: str, **parameters: Any) -> Scenario:
     return Scenario(**{**sizes, "persons": PERSONS[persons], **parameters})
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("persons", PERSONS)
 @pytest.mark.parametrize("updates", [False, True])
 @pytest.mark.parametrize("scheme", [RewardScheme(), RewardScheme.expected()])
@@ -143,6 +144,7 @@ def test_trackers_follow_the_posterior_of_the_environment(persons):
     assert tracker.step == env.frame().step > 2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("persons", PERSONS)
 def test_plans_bounds_and_searches_in_expectation(persons):
     """Exactly: what a plan promises is what its searches add, and the bound is above it."""

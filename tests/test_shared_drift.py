@@ -58,6 +58,7 @@ SCENARIOS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("changes", SCENARIOS.values(), ids=SCENARIOS)
 def test_batches_are_the_same_bit_for_bit(changes):
     scenario = wreck(3, size=7, n_drones=3, **changes)
@@ -206,6 +207,7 @@ def test_a_shared_search_survives_its_data():
     assert scenario.replace(shared_drift=False) != scenario
 
 
+@pytest.mark.thorough
 def test_no_policy_exceeds_the_mean_of_the_bounds_for_each_hypothesis():
     scenario = wreck(2, size=5, timestep_limit=12)
     positions = [(0, 0), (1, 0)]

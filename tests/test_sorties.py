@@ -79,6 +79,7 @@ LATER = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("changes", LATER.values(), ids=LATER)
 def test_what_was_flown_keeps_its_credit(flown, changes):
     incident = Incident(**KNOWN)
@@ -122,6 +123,7 @@ def test_a_new_wind_holds_from_the_last_landing_on(flown):
         after(Incident(**KNOWN), flown, wind="300 30kn@06:20Z")
 
 
+@pytest.mark.thorough
 def test_flights_count_where_the_new_particles_exist(flown):
     """A later report: what was flown before it found nobody of those who drift from there."""
     incident = Incident(**KNOWN)
@@ -150,6 +152,7 @@ def test_a_leg_that_the_report_cuts_counts_from_there(flown):
     assert credit(cut) == pytest.approx(credit(replace(cut, flown=[whole])), abs=0.004)
 
 
+@pytest.mark.thorough
 def test_the_summary_says_which_flights_do_not_count(flown):
     incident = Incident(**KNOWN)
     plan = plan_flights(after(incident, flown, time="2026-03-01T07:00Z"))
@@ -276,6 +279,7 @@ def sortie():
     return plan_flights(crew(), seconds=1)
 
 
+@pytest.mark.thorough
 def test_a_flight_that_was_broken_off_counts_to_that_time(sortie):
     whole = after(sortie.incident, sortie)
     middle = sortie.incident.start + timedelta(minutes=15)
@@ -301,6 +305,7 @@ def test_who_broke_off_has_flown(sortie, broke_off, message):
         after(sortie.incident, sortie, broke_off=broke_off)
 
 
+@pytest.mark.thorough
 def test_those_who_have_landed_fly_while_others_still_do(sortie):
     """The first drone breaks off and is free; the flights of the others count as planned."""
     start = sortie.incident.start
@@ -324,6 +329,7 @@ def test_those_who_have_landed_fly_while_others_still_do(sortie):
         early.changed(fleet=[{"name": "2"}])
 
 
+@pytest.mark.thorough
 def test_the_log_has_all_flights_and_what_each_was_worth(sortie, tmp_path):
     second = plan_flights(after(sortie.incident, sortie), seconds=1)
     log = second.log

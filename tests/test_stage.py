@@ -41,6 +41,7 @@ drone.view = View("drone")
 parallel.view = "parallel"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("n_drones", [1, 2])
 @pytest.mark.parametrize("policy", [swarm, drone, parallel])
 def test_policies_see_what_they_state_and_otherwise_swarms(policy, n_drones):

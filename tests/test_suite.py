@@ -75,6 +75,7 @@ def test_files_of_tracks_are_read_when_a_search_is_used(monkeypatch):
         fresh.search("tide")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", list(simulator.SCENES))
 def test_new_tracks_of_the_script_are_where_those_of_the_suite_are(name):
     found = search(name)

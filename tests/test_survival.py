@@ -161,6 +161,7 @@ def test_expected_rewards_are_weighted_by_survival():
             assert got[drone] == pytest.approx(sum(pay) / 2, rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_batches_and_single_environments_are_equal_with_survival():
     for number in range(100, 118):
         case = random_search(random.Random(number))
@@ -255,6 +256,7 @@ def one_of(weights: dict[tuple[int, int], float], curve: Any, **more: Any) -> Na
     return search([(2, 2)], grid_size=5, persons=[person], **more)
 
 
+@pytest.mark.thorough
 @pytest.mark.good_plans
 @pytest.mark.parametrize("seed", range(6))
 def test_small_plans_are_optimal(seed):

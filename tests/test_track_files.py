@@ -35,6 +35,7 @@ def read(path: Path, **options: Any) -> Tracks:
     return Tracks.read(path, **{"scale": SCALE, "origin": ORIGIN[::-1], **options})
 
 
+@pytest.mark.thorough
 @given(
     times=st.lists(st.integers(0, 7200), min_size=2, max_size=9, unique=True).map(sorted),
     start=st.floats(0, 1),

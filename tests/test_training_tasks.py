@@ -46,6 +46,7 @@ def few(monkeypatch):
     monkeypatch.setattr(tasks, "EPISODES", 20)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", TASKS)
 def test_the_held_out_searches_stay_as_they_are(name):
     searches = TASKS[name].held_out()
@@ -54,6 +55,7 @@ def test_the_held_out_searches_stay_as_they_are(name):
     assert len({each.fingerprint for each in searches}) == 500
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", TASKS)
 def test_trainings_draw_other_searches(name):
     task = TASKS[name]
@@ -87,6 +89,7 @@ def test_all_held_out_searches_are_evaluated_together(few):
     assert compare(together, together).success == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.thorough
 def test_a_policy_that_draws_flies_rounds_until_its_success_is_known(monkeypatch):
     """As the zero of the score; its interval is that of the draws over the given searches."""
     monkeypatch.setattr(tasks, "EPISODES", 100)
@@ -140,6 +143,7 @@ def test_policies_that_read_the_persons_are_made_for_each_search(few):
         WRECK.evaluate(PosteriorGreedyPolicy(searches[0].scenario))
 
 
+@pytest.mark.thorough
 def test_the_yardstick_knows_the_drift(few):
     """Its plan in one of the cases, of which the search does not say which it is."""
     search = WRECK.held_out()[3]
@@ -174,6 +178,7 @@ def test_stated_policies_are_exact():
     assert stated.success.is_exact
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("task", [Task(TRAINING_TASK), TASKS["drift"]])
 def test_a_policy_that_draws_is_not_deterministic(task):
     rng = np.random.default_rng(0)
@@ -185,6 +190,7 @@ def test_a_policy_that_draws_is_not_deterministic(task):
         task.evaluate(draw, deterministic=True)
 
 
+@pytest.mark.thorough
 def test_a_policy_is_compared_with_the_baselines_of_a_task(tmp_path, capsys, few):
     pytest.importorskip("imageio_ffmpeg")
     size = {"grid_size": 6, "n_drones": 2, "timestep_limit": 9}

@@ -85,6 +85,7 @@ def play(env: DroneSwarmSearch, seed: int, **options: Any) -> list[Any]:
     return history
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("person", [TWO_SIDES, ON_A_LINE])
 def test_missing_persons_are_distributed_as_the_posterior(person):
     """Searches learn about cells and hypotheses, and the POS is the share of finds."""

@@ -19,6 +19,7 @@ from DroneSwarmSearch.vector import SearchBatch, SwarmVectorEnv
 SIZES = {"grid_size": 6, "n_drones": 2, "timestep_limit": 15}
 
 
+@pytest.mark.thorough
 def test_every_row_is_the_single_environment():
     endings: Counter[Ending] = Counter()
     for number in range(60, 100):

@@ -298,6 +298,7 @@ def check_infos(infos: dict[str, Any], wanted: dict[str, Any], n: int) -> None:
             assert np.array_equal(infos[key][meant], wanted[key].repeat(n, axis=0)[meant]), key
 
 
+@pytest.mark.thorough
 @both_views
 @all_modes
 @pytest.mark.parametrize(

@@ -51,6 +51,7 @@ def on_lattice(area, begin, end, side):
     return math.inf
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("area", "begin", "end"),
     [
@@ -102,6 +103,7 @@ def planned(coast, base, **more):
     return incident, plan(incident, seconds=1)
 
 
+@pytest.mark.thorough
 def test_boats_keep_off_the_land(tmp_path):
     """A long island lies between the harbour, on its own small one, and the search."""
     long = [(-6, -3), (6, -3), (6, -2.5), (-6, -2.5)]
@@ -134,6 +136,7 @@ def test_a_base_far_inland_is_refused(tmp_path):
         planned(coast, (54, 7.4))
 
 
+@pytest.mark.thorough
 def test_a_boat_on_a_closed_lake_cannot_come_to_the_sea(tmp_path):
     ring = [(-12, -12), (-2.5, -12), (-2.5, 12), (-12, 12)]
     lake = [(-8, -4), (-4, -4), (-4, 4), (-8, 4)]

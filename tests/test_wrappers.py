@@ -223,6 +223,7 @@ def test_other_environments_are_rejected(wrapper):
             wrapper(other)
 
 
+@pytest.mark.thorough
 @each_layout
 @settings(max_examples=12)
 @given(
