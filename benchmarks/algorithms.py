@@ -43,7 +43,12 @@ ALGORITHMS = ("ippo", "ippo-gru", "mappo", "iql", "vdn", "qmix", "ppo")
 NAMES = {"ippo-gru": "IPPO with a GRU", "ppo": "PPO, own loop"}
 YARDSTICK = "planner, all known"
 BASELINES = (
-    *("random", "greedy-matrix", "greedy-posterior", "greedy-forecast", "rollout", "imitation"),
+    "random",
+    "greedy-matrix",
+    "greedy-posterior",
+    "greedy-forecast",
+    "rollout",
+    "imitation",
 )
 SLOW = 1  # rounds of policies that are made for each search
 PORTION = 10  # searches of the yardstick that are planned before they are written

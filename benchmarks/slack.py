@@ -25,8 +25,16 @@ from DroneSwarmSearch.evaluation import search
 from DroneSwarmSearch.planning import optimum, plan_paths, success_bound
 
 NAMES = (
-    *("pond", "classic", "harbour", "fog", "man-overboard", "gale", "channel", "two-positions"),
-    *("night", "overdue"),
+    "pond",
+    "classic",
+    "harbour",
+    "fog",
+    "man-overboard",
+    "gale",
+    "channel",
+    "two-positions",
+    "night",
+    "overdue",
 )
 MOST_DRONES = 3
 FEWEST_STEPS = 8
@@ -101,8 +109,15 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=100.0, help="for the exact method (100)")
     options = parser.parse_args()
     heads = (
-        *("search", "drones", "steps", "planner", "best plan", "optimum at most"),
-        *("bound", "slack at least", "CPU of bound and proof, s"),
+        "search",
+        "drones",
+        "steps",
+        "planner",
+        "best plan",
+        "optimum at most",
+        "bound",
+        "slack at least",
+        "CPU of bound and proof, s",
     )
     rows = [row(name, options.size, options.seconds) for name in options.searches]
     print(markdown([heads, *rows]))

@@ -44,8 +44,15 @@ Floats = NDArray[np.float64]
 Pair = tuple[float, float]
 
 CLASSES = (
-    *("LIFE-RAFT-NB-2", "PIW-4", "PIW-1", "PIW-2", "PIW-3", "PIW-6", "PERSON-POWERED-VESSEL-2"),
-    *("SKIFF-4", "FISHING-VESSEL-1"),
+    "LIFE-RAFT-NB-2",
+    "PIW-4",
+    "PIW-1",
+    "PIW-2",
+    "PIW-3",
+    "PIW-6",
+    "PERSON-POWERED-VESSEL-2",
+    "SKIFF-4",
+    "FISHING-VESSEL-1",
 )
 WINDS = ((0.0, 10.0), (-6.0, 4.0))  # the second is oblique to the grid
 HOURS = (1, 3, 6)

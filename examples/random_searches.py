@@ -21,8 +21,14 @@ from DroneSwarmSearch.evaluation import NamedSearch, View, evaluate
 from DroneSwarmSearch.policies import ImitationPolicy
 
 DEFAULT_POLICIES = [
-    *("imitation", "greedy-posterior", "greedy-matrix", "creeping-line", "parallel-sweep"),
-    *("sector-search", "expanding-square", "random"),
+    "imitation",
+    "greedy-posterior",
+    "greedy-matrix",
+    "creeping-line",
+    "parallel-sweep",
+    "sector-search",
+    "expanding-square",
+    "random",
 ]
 
 FIRST_SEED = 2_000_000  # of every search; training usually starts from small seeds

@@ -29,8 +29,13 @@ PAGES_WITH_LINKS = [*sorted(ROOT.glob("*.md")), *DOCS]
 
 
 SLOW_PAGES = (
-    *("docs/benchmark/", "docs/contributing.md", "docs/guides/training.md"),
-    *("docs/guides/trainers/", "docs/leaderboard/", "docs/model.md", "docs/open-problems.md"),
+    "docs/benchmark/",
+    "docs/contributing.md",
+    "docs/guides/training.md",
+    "docs/guides/trainers/",
+    "docs/leaderboard/",
+    "docs/model.md",
+    "docs/open-problems.md",
     "docs/performance.md",
 )
 """Pages whose commands may take minutes or need optional packages."""

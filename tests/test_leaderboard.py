@@ -58,8 +58,10 @@ def board_of(*rows: tuple[str, str, int, int], bound: float | None = None, **mad
 
 def test_tables_show_the_best_first():
     board = board_of(
-        *[("random", "pond", 20, 10), ("planner", "pond", 50, 10)],
-        *[("random", "fog", 40, 10), ("planner", "fog", 30, 10)],
+        ("random", "pond", 20, 10),
+        ("planner", "pond", 50, 10),
+        ("random", "fog", 40, 10),
+        ("planner", "fog", 30, 10),
         bound=0.9,
         is_exact=True,
     )

@@ -78,8 +78,14 @@ class TestLabels:
     def test_numbers(self):
         assert [percent(value) for value in (0.123456, 0.0)] == ["12.3%", "0%"]
         for value, text in (
-            *((-0.5, "-0.50"), (0.0, "+0.00"), (0.05, "+0.05"), (0.096, "+0.10")),
-            *((0.0596, "+0.060"), (-0.0098, "-0.0098"), (1.2e-5, "+1.2e-05"), (12345, "+1.23e+04")),
+            (-0.5, "-0.50"),
+            (0.0, "+0.00"),
+            (0.05, "+0.05"),
+            (0.096, "+0.10"),
+            (0.0596, "+0.060"),
+            (-0.0098, "-0.0098"),
+            (1.2e-5, "+1.2e-05"),
+            (12345, "+1.23e+04"),
         ):
             assert signed(value) == text
         for room, pitch, stride in ((26, 26, 1), (26, 14, 2), (26, 7, 5), (3, 0.01, 500)):
@@ -324,9 +330,13 @@ class TestPicture:
         success = {"probability_of_success": 0.2}
         panels = {Picture(frame).panel.tobytes()}
         for change in (
-            *({"step": 4}, {"vector": (0.5, -0.5)}, {"found_by": (0,)}, success),
+            {"step": 4},
+            {"vector": (0.5, -0.5)},
+            {"found_by": (0,)},
+            success,
             {"matrix": np.full((7, 7), 1 / 49, dtype=np.float32)},
-            *({"hypotheses": ((0.7, 0.3),)}, {"persons": (), "found_by": (), **success}),
+            {"hypotheses": ((0.7, 0.3),)},
+            {"persons": (), "found_by": (), **success},
         ):
             panels.add(Picture(replace(frame, **change)).panel.tobytes())
         assert len(panels) == 8

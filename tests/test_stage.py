@@ -118,7 +118,11 @@ def test_videos_and_files_take_what_evaluate_takes(tmp_path):
                 "pond",
                 "--policies",
                 file,
-                *["--view", "drone", "--observation", "flat", "--out"],
+                "--view",
+                "drone",
+                "--observation",
+                "flat",
+                "--out",
                 out,
             ]
         )

@@ -200,7 +200,9 @@ def test_a_policy_is_compared_with_the_baselines_of_a_task(tmp_path, capsys, few
     assert every[0].success.value == every[2].success.value > every[1].success.value
     assert "Means over the 20 held-out searches; 95% intervals" in capsys.readouterr().out
     assert {each.name for each in tmp_path.iterdir()} == {
-        *("evaluation.csv", "search.json", "video.gif")
+        "evaluation.csv",
+        "search.json",
+        "video.gif",
     }
 
 

@@ -557,7 +557,11 @@ def test_the_signature_shows_every_keyword(view):
     assert list(shown)[1:] == [
         *["shared_reward"] * (view is DroneVectorEnv),
         *f"{own}separate_flags reward_scale copy render_mode".split(),
-        *("scenario", "situations", "situation", "drones_positions", "sampler"),
+        "scenario",
+        "situations",
+        "situation",
+        "drones_positions",
+        "sampler",
         *(field.name for field in dataclasses.fields(Scenario)),
     ]
     usual = {name: shown[name].default for name in list(shown)[1:]}

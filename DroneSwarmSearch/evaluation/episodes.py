@@ -86,8 +86,12 @@ class Episodes:
         """Episodes in which nothing has happened."""
         counts = np.zeros((4, n), np.int64)
         return cls(
-            *(np.zeros((n, persons), np.int64), counts[0], counts[1], np.zeros(n)),
-            *(counts[2], counts[3]),
+            np.zeros((n, persons), np.int64),
+            counts[0],
+            counts[1],
+            np.zeros(n),
+            counts[2],
+            counts[3],
             np.zeros((n, len(Reliability._fields), len(POS_EDGES) - 1)),
             np.zeros((n, limit + 1)),
         )
