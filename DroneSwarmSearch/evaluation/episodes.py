@@ -84,16 +84,15 @@ class Episodes:
     @classmethod
     def empty(cls, n: int, persons: int, limit: int) -> Episodes:
         """Episodes in which nothing has happened."""
-        counts = np.zeros((4, n), np.int64)
         return cls(
-            np.zeros((n, persons), np.int64),
-            counts[0],
-            counts[1],
-            np.zeros(n),
-            counts[2],
-            counts[3],
-            np.zeros((n, len(Reliability._fields), len(POS_EDGES) - 1)),
-            np.zeros((n, limit + 1)),
+            found_at=np.zeros((n, persons), np.int64),
+            endings=np.zeros(n, np.int64),
+            steps=np.zeros(n, np.int64),
+            returns=np.zeros(n),
+            searches=np.zeros(n, np.int64),
+            cells_searched=np.zeros(n, np.int64),
+            forecasts=np.zeros((n, len(Reliability._fields), len(POS_EDGES) - 1)),
+            curves=np.zeros((n, limit + 1)),
         )
 
     @classmethod

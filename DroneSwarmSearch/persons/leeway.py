@@ -313,12 +313,9 @@ def persons(
     if not kinds:
         raise ValueError(f"object_classes must be {what}, got {object_classes!r}")
     per_hour = checks.real("jibing", jibing, 0, 1)
-    deviations = np.array(
-        [
-            *[checks.real("wind_sd", wind_sd, 0, _FASTEST)] * 2,
-            *[checks.real("current_sd", current_sd, 0, _FASTEST)] * 2,
-        ]
-    )
+    in_wind = checks.real("wind_sd", wind_sd, 0, _FASTEST)
+    in_current = checks.real("current_sd", current_sd, 0, _FASTEST)
+    deviations = np.array([in_wind, in_wind, in_current, in_current])  # to the east and north
     count = checks.integer("hypotheses", hypotheses, 2)
     known = _known(start, position_sd, diffusivity, adrift, scale)
     winds, currents = _in_each_step(scale, wind=wind, current=current)
