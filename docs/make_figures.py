@@ -26,6 +26,7 @@ from __future__ import annotations
 import argparse
 import csv
 import io
+import itertools
 import json
 import re
 from collections.abc import Callable, Iterable
@@ -141,7 +142,7 @@ class Sampling(NamedTuple):
 
 DECIMALS = re.compile(rb"(\.\d\d)\d+")  # of a number, the first two
 
-PRINTED = {"benchmark": ("png", "pdf")}  # further kinds of files, for papers and slides
+PRINTED = {name: ("png", "pdf") for name in ("benchmark", "benchmark-profiles")}  # further kinds of files, for papers and slides
 
 FULL = Sampling(4000)
 SHORT = Sampling(50)
@@ -1091,6 +1092,7 @@ BASELINES = ("random", "greedy-matrix", "greedy-posterior", "greedy-forecast", "
 LEARNERS = ("ippo", "ippo-gru", "mappo", "iql", "vdn", "qmix", "ppo")
 BENCHMARKED = (*BASELINES, "imitation", *LEARNERS)
 ALL_KNOWN = "planner, all known"
+PROFILED = {"greedy-posterior": ":", "imitation": "-."}
 
 
 def benchmarked() -> dict[tuple[str, str], list[float]]:
@@ -1131,6 +1133,43 @@ def benchmark(theme: Theme, sampling: Sampling) -> Figure:
     if any(name == ALL_KNOWN for name, _ in found):
         line = Line2D([], [], color=theme.grey, linestyle="-.", linewidth=1.2, label=ALL_KNOWN)
         chart.legend(handles=[line], loc="outside lower center")
+    return chart
+
+
+@figure("benchmark-profiles")
+def benchmark_profiles(theme: Theme, sampling: Sampling) -> Figure:
+    """Draw in what share of its runs each algorithm of the benchmark reaches a score.
+
+    The performance profiles of R. Agarwal et al., NeurIPS 2021. All tasks count alike. Policies
+    that are not trained on the tasks have one run on each.
+    """
+    found = benchmarked()
+    score_of = {}
+    for (name, task), values in found.items():
+        least = np.mean(found["random", task])
+        most = np.mean(found[ALL_KNOWN, task])
+        score_of[name, task] = (np.array(values) - least) / (most - least)
+    scores = np.linspace(0.0, 1.0, 401)
+    chart = Figure(figsize=(WIDTH, 3.0), layout="constrained")
+    axes = chart.subplots()
+    dashes = itertools.cycle(("-", "--"))
+    for name in (*LEARNERS, *PROFILED):
+        runs = [score_of[name, task] for task in TASKS if (name, task) in score_of]
+        if len(runs) < len(TASKS):
+            continue
+        shares = np.mean([[(values > score).mean() for score in scores] for values in runs], axis=0)
+        if name in LEARNERS:
+            number = LEARNERS.index(name)
+            look = {"color": theme.series[number % len(theme.series)], "linestyle": next(dashes)}
+        else:
+            look = {"color": theme.grey, "linestyle": PROFILED[name]}
+        axes.plot(scores, shares, label=name, linewidth=1.4, **look)
+    axes.set_xlim(0.0, 1.0)
+    axes.set_ylim(0.0, 1.02)
+    axes.set_xlabel("score")
+    axes.set_ylabel("share of runs above it")
+    axes.grid()
+    axes.legend(ncols=2)
     return chart
 
 
