@@ -26,7 +26,6 @@ from __future__ import annotations
 import argparse
 import csv
 import io
-import itertools
 import json
 import re
 from collections.abc import Callable, Iterable
@@ -142,7 +141,8 @@ class Sampling(NamedTuple):
 
 DECIMALS = re.compile(rb"(\.\d\d)\d+")  # of a number, the first two
 
-PRINTED = {name: ("png", "pdf") for name in ("benchmark", "benchmark-profiles")}  # further kinds of files, for papers and slides
+# Further kinds of files, for papers and slides.
+PRINTED = {"benchmark": ("png", "pdf"), "benchmark-profiles": ("png", "pdf")}
 
 FULL = Sampling(4000)
 SHORT = Sampling(50)
@@ -1138,38 +1138,51 @@ def benchmark(theme: Theme, sampling: Sampling) -> Figure:
 
 @figure("benchmark-profiles")
 def benchmark_profiles(theme: Theme, sampling: Sampling) -> Figure:
-    """Draw in what share of its runs each algorithm of the benchmark reaches a score.
+    """Draw in what share of its runs each algorithm of the benchmark exceeds a score.
 
-    The performance profiles of R. Agarwal et al., NeurIPS 2021. All tasks count alike. Policies
-    that are not trained on the tasks have one run on each.
+    The performance profiles of R. Agarwal et al., NeurIPS 2021, a panel for each task. Policies
+    that are not trained on the tasks are vertical lines.
     """
     found = benchmarked()
-    score_of = {}
-    for (name, task), values in found.items():
+    chart = Figure(figsize=(WIDTH, 4.6), layout="constrained")
+    panels = chart.subplots(2, 2, sharey=True)
+    lines: dict[str, Line2D] = {}
+    for axes, task in zip(panels.flat, TASKS, strict=True):
+        axes.set_title(task)
         least = np.mean(found["random", task])
         most = np.mean(found[ALL_KNOWN, task])
-        score_of[name, task] = (np.array(values) - least) / (most - least)
-    scores = np.linspace(0.0, 1.0, 401)
-    chart = Figure(figsize=(WIDTH, 3.0), layout="constrained")
-    axes = chart.subplots()
-    dashes = itertools.cycle(("-", "--"))
-    for name in (*LEARNERS, *PROFILED):
-        runs = [score_of[name, task] for task in TASKS if (name, task) in score_of]
-        if len(runs) < len(TASKS):
-            continue
-        shares = np.mean([[(values > score).mean() for score in scores] for values in runs], axis=0)
-        if name in LEARNERS:
-            number = LEARNERS.index(name)
-            look = {"color": theme.series[number % len(theme.series)], "linestyle": next(dashes)}
-        else:
-            look = {"color": theme.grey, "linestyle": PROFILED[name]}
-        axes.plot(scores, shares, label=name, linewidth=1.4, **look)
-    axes.set_xlim(0.0, 1.0)
-    axes.set_ylim(0.0, 1.02)
-    axes.set_xlabel("score")
-    axes.set_ylabel("share of runs above it")
-    axes.grid()
-    axes.legend(ncols=2)
+        score_of = {
+            name: np.sort(np.array(values) - least) / (most - least)
+            for (name, of), values in found.items()
+            if of == task
+        }
+        for number, name in enumerate(LEARNERS):
+            scores = score_of[name]
+            # All runs exceed a score below the worst, none the best.
+            x = np.concatenate([[0.0], scores])
+            shares = np.linspace(1.0, 0.0, len(x))
+            colour = theme.series[number % len(theme.series)]
+            (lines[name],) = axes.step(
+                x,
+                shares,
+                where="post",
+                color=colour,
+                linestyle=("-", "--")[number % 2],
+                linewidth=1.4,
+            )
+        for name, look in PROFILED.items():
+            if name in score_of:
+                lines[name] = axes.axvline(
+                    score_of[name].mean(), color=theme.grey, linestyle=look, linewidth=1.4
+                )
+        axes.set_xlim(0.15, 1.0)
+        axes.set_ylim(0.0, 1.02)
+        axes.grid()
+    for axes in panels[-1]:
+        axes.set_xlabel("score")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("share of runs above it")
+    chart.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=5)
     return chart
 
 
