@@ -70,6 +70,7 @@ golden *options:
 # regenerate the leaderboard; takes half an hour, or less if it was interrupted
 leaderboard *options:
     python -m DroneSwarmSearch leaderboard --submissions docs/leaderboard/submissions.csv --out docs/leaderboard {{ options }}
+    python benchmarks/leaderboard_page.py
 
 # train and evaluate what the benchmark lacks, and write its table
 benchmark:

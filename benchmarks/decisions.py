@@ -1,6 +1,6 @@
 """Measure the time in which policies decide, on the searches of the suite.
 
-    python benchmarks/decisions.py
+    python benchmarks/decisions.py --csv docs/leaderboard/decisions.csv
     python benchmarks/decisions.py --policies examples/evaluate_your_own.py:ScentNetwork
 
 It prints two means over the searches: the processing time per decision in milliseconds, and that of
@@ -12,8 +12,10 @@ the time limit, or until less than 1% is left to find.
 from __future__ import annotations
 
 import argparse
+import csv
 import time
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,18 +47,34 @@ def measure(name: str, search: NamedSearch) -> tuple[float, float]:
     return np.mean(took) / search.scenario.n_drones, max(took)
 
 
+def keep(path: Path, name: str, milliseconds: float) -> None:
+    """Write a policy's figure into a CSV file, in place of an earlier one."""
+    figures = {}
+    if path.exists():
+        with path.open(encoding="utf-8", newline="") as file:
+            figures = {row["policy"]: row["milliseconds"] for row in csv.DictReader(file)}
+    figures[name] = f"{milliseconds:.3g}"
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["policy", "milliseconds"])
+        writer.writerows(figures.items())
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--policies", nargs="+", default=[*POLICIES])
     parser.add_argument("--searches", nargs="+", choices=SUITE, default=[*SUITE])
+    parser.add_argument("--csv", type=Path, help="a file of earlier figures, to take their place")
     options = parser.parse_args()
     print(f"{'policy':30} {'ms/decision':>12} {'longest step, s':>16}")
     for name in options.policies:
         measured = [measure(name, SUITE[search]) for search in options.searches]
         mean, longest = np.mean(measured, axis=0)
         print(f"{name:30} {1000 * mean:12.2f} {longest:16.3f}", flush=True)
+        if options.csv is not None:
+            keep(options.csv, PolicySpec.of(name).name, 1000 * mean)
 
 
 if __name__ == "__main__":
