@@ -40,6 +40,18 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         pytest.skip("the sdist comes without pictures")
 
 
+@pytest.fixture(scope="module")
+def real_coast():
+    """Let a module, and the programs that it starts, read the real coastline."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "path", [path for path in sys.path if path != SMALL_COAST])
+        patch.setenv("PYTHONPATH", os.environ["PYTHONPATH"].replace(SMALL_COAST, ""))
+        # Undone in reverse: whatever the module imports is forgotten.
+        patch.setitem(sys.modules, "roaring_landmask", None)
+        patch.delitem(sys.modules, "roaring_landmask")
+        yield
+
+
 QUICK = {
     (joint_plan, "ENOUGH"): 1,
     (joint_plan, "ENOUGH_NUDGES"): 1,

@@ -5,13 +5,10 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 pytestmark = pytest.mark.slow
-
-SMALL_COAST = str(Path(__file__).parent / "small_coast")
 
 PLACES = {
     "Helgoland": (54.1820, 7.8850, "land"),
@@ -45,15 +42,10 @@ print(json.dumps(found))
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory) -> dict[str, list]:
-    paths = [path for path in sys.path if path != SMALL_COAST]
-    if not [*importlib.metadata.distributions(name="roaring-landmask", path=paths)]:
+def found(real_coast, tmp_path_factory) -> dict[str, list]:
+    if not [*importlib.metadata.distributions(name="roaring-landmask")]:
         pytest.skip("roaring-landmask is not installed")
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.environ["PYTHONPATH"].replace(SMALL_COAST, ""),
-        "XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache")),
-    }
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache"))}
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT],
         input=json.dumps(PLACES),

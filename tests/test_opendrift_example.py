@@ -12,7 +12,8 @@ from DroneSwarmSearch import Scale, leeway
 
 pytest.importorskip("opendrift")
 
-pytestmark = pytest.mark.slow
+# OpenDrift reads the coastline, too.
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("real_coast")]
 
 EXAMPLE = "compare_with_opendrift"
 
@@ -27,7 +28,7 @@ def example():
 def test_tracks_drift_as_the_coefficients_state(example, wind):
     """PIW-4 drifts further to the right than to the left of the wind."""
     options = argparse.Namespace(tracks=20_000, jibing=0.0)
-    incident = example.Incident("PIW-4", wind, current=(0.2, -0.1), position_error=0.0)
+    incident = example.Incident("PIW-4", wind, current=(0.2, -0.1), position_sd=0.0)
     np.random.seed(0)
     tracks = incident.tracks(2, options)
     assert tracks.shape == (13, 20_000, 2)
@@ -103,7 +104,7 @@ def test_a_person_in_a_tide_and_a_wind_that_turns_drifts_like_opendrift(name):
     model.run(duration=timedelta(hours=12), **steps)
     degrees = np.stack([model.result.lon.values.T, model.result.lat.values.T], axis=-1)
     scale = Scale(130, 13)
-    known = {"start": (0.0, 0.0), "position_error": 250, "diffusivity": 0}
+    known = {"start": (0.0, 0.0), "position_sd": 250, "diffusivity": 0}
     for hour in (3, 6, 9, 12):
         sea_at = {"wind": winds, "current": tide, "adrift": 3600 * hour, "scale": scale}
         person = leeway.person(name, **known, **sea_at)
