@@ -79,6 +79,13 @@ def test_a_plan_for_tracks_finds_what_it_promises_in_an_eddy_off_a_coast():
     assert 80 < float(found) < float(forecast) < float(found) + 6
 
 
+@pytest.mark.parametrize("options", [[], ["--coast", "--manual"], ["--hypotheses"]], ids=" ".join)
+def test_flights_find_about_what_their_plans_state(options):
+    printed = run("fly_plans_over_opendrift", "--incidents", 1, "--tracks", 2000, *options)
+    stated, found = re.findall(r"([\d.]+)%", printed.splitlines()[1])[:2]
+    assert float(found) == pytest.approx(float(stated), abs=6.0)
+
+
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("name", ["PIW-1", "SKIFF-1"])
 def test_a_person_in_a_tide_and_a_wind_that_turns_drifts_like_opendrift(name):
