@@ -63,16 +63,16 @@ RUNNERS = ("--num-env-runners", 2, "--num-envs", 2)
             "qmix",
         ),
         example(
-            "benchmarl-medium",
+            "benchmarl-drift",
             "benchmarl",
             "benchmarl",
             "benchmarl-iql",
             "--steps",
-            12_000,
+            10_000,
             "--algorithm",
             "iql",
             "--task",
-            "medium",
+            "drift",
         ),
         example("rllib-local", "lz4", "rllib", "rllib-ppo", "--steps", 4_000),
         example("rllib-runners", "lz4", "rllib", "rllib-ppo", "--steps", 4_000, *RUNNERS),
@@ -82,7 +82,7 @@ def test_it_trains_and_compares(script, policy, arguments, tmp_path):
     folder = tmp_path / "run"
     output = python(EXAMPLES / script, "--out", folder, "--episodes", 20, *arguments)
     protocol = "20 episodes, the same for all policies"
-    if "medium" in arguments:
+    if "drift" in arguments:
         protocol = "Means over the 500 held-out searches"
     assert f"\n{protocol}; 95% intervals" in output
     assert rows(folder / "evaluation.csv")[0]["policy"] == policy
