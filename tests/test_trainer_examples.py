@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from typing import Any
 
 import pytest
@@ -122,7 +123,11 @@ def test_after_ctrl_c_it_resumes(script, checkpoint, curves, tmp_path):
     folder = tmp_path / "run"
     command = [str(EXAMPLES / f"train_{script}.py"), "--out", str(folder), "--episodes", "20"]
     with subprocess.Popen(
-        [sys.executable, *command, "--steps", "10_000_000"], stderr=subprocess.PIPE, text=True
+        [sys.executable, *command, "--steps", "10_000_000"],
+        stderr=subprocess.PIPE,
+        text=True,
+        # What runs in the background of a shell ignores Ctrl-C.
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
     ) as process:
         while process.poll() is None and not any(folder.glob(checkpoint)):
             time.sleep(0.1)
