@@ -27,6 +27,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
+from csv_rows import rows_of
 from markdown_tables import markdown, with_table
 from numpy.typing import NDArray
 
@@ -99,14 +100,6 @@ def candidates(algorithm: str) -> Iterator[Setting]:
     yield {**first, "gamma": 0.95}
     yield {**first, "gamma": 1.0}
     yield {**first, "swarms": 50}
-
-
-def rows_of(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV file; none if there is no file."""
-    if not path.exists():
-        return []
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def append(path: Path, rows: list[dict[str, object]]) -> None:

@@ -1,6 +1,7 @@
-"""Measure the time in which policies decide, on the searches of the suite.
+r"""Measure the time in which policies decide, on the searches of the suite.
 
-    python benchmarks/decisions.py --csv docs/leaderboard/decisions.csv
+    python benchmarks/decisions.py --submissions docs/leaderboard/submissions.csv \
+        --csv docs/leaderboard/decisions.csv
     python benchmarks/decisions.py --policies examples/evaluate_your_own.py:ScentNetwork
 
 It prints two means over the searches: the processing time per decision in milliseconds, and that of
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from csv_rows import rows_of
 
 from DroneSwarmSearch.evaluation import SUITE, NamedSearch
 from DroneSwarmSearch.evaluation.policy_spec import PolicySpec
@@ -27,10 +29,9 @@ from DroneSwarmSearch.evaluation.stage import view_of
 from DroneSwarmSearch.policies import POLICIES
 
 
-def measure(name: str, search: NamedSearch) -> tuple[float, float]:
+def measure(spec: PolicySpec, search: NamedSearch) -> tuple[float, float]:
     """The seconds for a decision, and for all decisions of the longest step."""
     search = replace(search, scenario=search.scenario.replace(mission="coverage"))
-    spec = PolicySpec.of(name)
     took = []
     view = view_of(spec, search, None)
     search = search.with_posterior(view.bayesian_update)
@@ -49,10 +50,7 @@ def measure(name: str, search: NamedSearch) -> tuple[float, float]:
 
 def keep(path: Path, name: str, milliseconds: float) -> None:
     """Write a policy's figure into a CSV file, in place of an earlier one."""
-    figures = {}
-    if path.exists():
-        with path.open(encoding="utf-8", newline="") as file:
-            figures = {row["policy"]: row["milliseconds"] for row in csv.DictReader(file)}
+    figures = {row["policy"]: row["milliseconds"] for row in rows_of(path)}
     figures[name] = f"{milliseconds:.3g}"
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -66,15 +64,24 @@ def main() -> None:
     )
     parser.add_argument("--policies", nargs="+", default=[*POLICIES])
     parser.add_argument("--searches", nargs="+", choices=SUITE, default=[*SUITE])
+    parser.add_argument("--submissions", type=Path, help="a file of policies, see `leaderboard`")
     parser.add_argument("--csv", type=Path, help="a file of earlier figures, to take their place")
     options = parser.parse_args()
+    if options.csv is not None and set(options.searches) != {*SUITE}:
+        parser.error("--csv: figures are kept of all searches only, got --searches")
+    specs = [PolicySpec.of(name) for name in options.policies]
+    if options.submissions is not None:
+        if not options.submissions.is_file():
+            parser.error(f"--submissions: must be a file, got {options.submissions}")
+        rows = rows_of(options.submissions)
+        specs += [PolicySpec.of(row["policy"], row["name"]) for row in rows]
     print(f"{'policy':30} {'ms/decision':>12} {'longest step, s':>16}")
-    for name in options.policies:
-        measured = [measure(name, SUITE[search]) for search in options.searches]
+    for spec in specs:
+        measured = [measure(spec, SUITE[search]) for search in options.searches]
         mean, longest = np.mean(measured, axis=0)
-        print(f"{name:30} {1000 * mean:12.2f} {longest:16.3f}", flush=True)
+        print(f"{spec.name:30} {1000 * mean:12.2f} {longest:16.3f}", flush=True)
         if options.csv is not None:
-            keep(options.csv, PolicySpec.of(name).name, 1000 * mean)
+            keep(options.csv, spec.name, 1000 * mean)
 
 
 if __name__ == "__main__":

@@ -8,10 +8,10 @@ decisions.csv of benchmarks/decisions.py.
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from statistics import fmean
 
+from csv_rows import rows_of
 from markdown_tables import markdown, with_table
 
 FOLDER = Path(__file__).parents[1] / "docs/leaderboard"
@@ -20,18 +20,13 @@ PROBLEMS = FOLDER.parent / "open-problems.md"
 COMMAND = "python benchmarks/leaderboard_page.py"
 SUBMITTED = " †"
 Row = dict[str, str]
+Policies = dict[str, dict[str, Row]]  # the row of each search, by policy
 
 
-def rows_of(name: str) -> list[Row]:
-    """The rows of a CSV file of the leaderboard."""
-    with (FOLDER / name).open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def by_policy() -> dict[str, dict[str, Row]]:
-    """The row of each search, by policy; the most successful policy is the first."""
-    found: dict[str, dict[str, Row]] = {}
-    for row in rows_of("leaderboard.csv"):
+def by_policy() -> Policies:
+    """All rows of the leaderboard; the most successful policy is the first."""
+    found: Policies = {}
+    for row in rows_of(FOLDER / "leaderboard.csv"):
         found.setdefault(row["policy"], {})[row["search"]] = row
     return dict(sorted(found.items(), key=lambda item: -mean(item[1], "success")))
 
@@ -41,17 +36,15 @@ def mean(rows: dict[str, Row], column: str) -> float:
     return fmean(float(row[column]) for row in rows.values())
 
 
-def headings(policies: dict[str, dict[str, Row]]) -> dict[str, str]:
-    """The policies' names as they are shown: with a mark if they were submitted."""
-    submitted = {row["name"] for row in rows_of("submissions.csv")}
-    return {name: name + SUBMITTED * (name in submitted) for name in policies}
+def shown(name: str, submitted: set[str]) -> str:
+    """A policy's name, with a mark if it was submitted."""
+    return name + SUBMITTED if name in submitted else name
 
 
-def table_of_policies() -> str:
+def table_of_policies(policies: Policies, submitted: set[str]) -> str:
     """A row for each policy, and one for the bound."""
-    policies = by_policy()
-    shown = headings(policies)
-    milliseconds = {row["policy"]: float(row["milliseconds"]) for row in rows_of("decisions.csv")}
+    measured = rows_of(FOLDER / "decisions.csv")
+    milliseconds = {row["policy"]: float(row["milliseconds"]) for row in measured}
     lines = [["policy", "success, %", "gap, points", "time, % of limit", "decision, ms"]]
     for name, rows in policies.items():
         success = mean(rows, "success")
@@ -61,7 +54,7 @@ def table_of_policies() -> str:
             for row in rows.values()
         )
         figures = [f"{100 * value:.1f}" for value in (success, bound - success, time)]
-        lines.append([shown[name], *figures, rounded(milliseconds[name])])
+        lines.append([shown(name, submitted), *figures, rounded(milliseconds[name])])
     return markdown([*lines, ["bound", f"{100 * bound:.1f}", "", "", ""]])
 
 
@@ -74,10 +67,9 @@ def rounded(value: float) -> str:
     return f"{value:.0f}"
 
 
-def table_of_searches() -> str:
+def table_of_searches(policies: Policies, submitted: set[str]) -> str:
     """A row for each search with the success of all policies; the best is in bold."""
-    policies = by_policy()
-    lines = [["search", "bound", *headings(policies).values()]]
+    lines = [["search", "bound", *(shown(name, submitted) for name in policies)]]
     for search, first in next(iter(policies.values())).items():
         successes = [float(rows[search]["success"]) for rows in policies.values()]
         cells = []
@@ -90,10 +82,9 @@ def table_of_searches() -> str:
     return markdown(lines)
 
 
-def table_of_gaps() -> str:
+def table_of_gaps(policies: Policies, submitted: set[str]) -> str:
     """A row for each search, the largest gap between the planner and the bound first."""
-    submitted = {row["name"] for row in rows_of("submissions.csv")}
-    others = {name: rows for name, rows in by_policy().items() if name not in submitted}
+    others = {name: rows for name, rows in policies.items() if name not in submitted}
     planned = others.pop("planner")
     found = []
     for search, row in planned.items():
@@ -108,11 +99,14 @@ def table_of_gaps() -> str:
 
 
 def main() -> None:
-    for page, name, table in (
-        (PAGE, "policies", table_of_policies()),
-        (PAGE, "searches", table_of_searches()),
-        (PROBLEMS, "gaps", table_of_gaps()),
+    policies = by_policy()
+    submitted = {row["name"] for row in rows_of(FOLDER / "submissions.csv")}
+    for page, name, make in (
+        (PAGE, "policies", table_of_policies),
+        (PAGE, "searches", table_of_searches),
+        (PROBLEMS, "gaps", table_of_gaps),
     ):
+        table = make(policies, submitted)
         page.write_text(with_table(page, f"{COMMAND}, {name}", table), "utf-8")
 
 

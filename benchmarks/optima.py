@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from csv_rows import rows_of
 from markdown_tables import markdown, with_table
 from numpy.typing import NDArray
 
@@ -179,10 +180,7 @@ def run(name: str, posed: Posed, work: float, seconds: float) -> dict[str, Any]:
 
 def read_rows() -> dict[str, dict[str, str]]:
     """The rows that have been written, by search."""
-    if not RESULTS.exists():
-        return {}
-    with RESULTS.open(newline="", encoding="utf-8") as file:
-        return {row["search"]: row for row in csv.DictReader(file)}
+    return {row["search"]: row for row in rows_of(RESULTS)}
 
 
 def write_rows(rows: dict[str, Any]) -> None:

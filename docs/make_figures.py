@@ -1088,9 +1088,16 @@ def radio(theme: Theme, sampling: Sampling) -> Figure:
     return chart
 
 
-BASELINES = ("random", "greedy-matrix", "greedy-posterior", "greedy-forecast", "rollout")
+BASELINES = (
+    "random",
+    "greedy-matrix",
+    "greedy-posterior",
+    "greedy-forecast",
+    "rollout",
+    "imitation",
+)
 LEARNERS = ("ippo", "ippo-gru", "mappo", "iql", "vdn", "qmix", "ppo")
-BENCHMARKED = (*BASELINES, "imitation", *LEARNERS)
+BENCHMARKED = (*BASELINES, *LEARNERS)
 ALL_KNOWN = "planner, all known"
 PROFILED = {"greedy-posterior": ":", "imitation": "-."}
 
@@ -1171,10 +1178,9 @@ def benchmark_profiles(theme: Theme, sampling: Sampling) -> Figure:
                 linewidth=1.4,
             )
         for name, look in PROFILED.items():
-            if name in score_of:
-                lines[name] = axes.axvline(
-                    score_of[name].mean(), color=theme.grey, linestyle=look, linewidth=1.4
-                )
+            lines[name] = axes.axvline(
+                score_of[name].mean(), color=theme.grey, linestyle=look, linewidth=1.4
+            )
         axes.set_xlim(0.15, 1.0)
         axes.set_ylim(0.0, 1.02)
         axes.grid()
