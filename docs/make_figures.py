@@ -707,10 +707,9 @@ Measured = dict[tuple[str, float, float, str], Floats]
 def measured() -> Measured:
     """Return distances and floors of `calibration.csv`, (steps + 1, 2), by package and setting."""
     rows: dict[tuple[str, float, float, str], list[tuple[float, float]]] = {}
-    with (FIGURES / "calibration.csv").open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            key = row["package"], float(row["drift_x"]), float(row["drift_y"]), row["constant"]
-            rows.setdefault(key, []).append((float(row["distance"]), float(row["floor"])))
+    for row in rows_of(FIGURES / "calibration.csv"):
+        key = row["package"], float(row["drift_x"]), float(row["drift_y"]), row["constant"]
+        rows.setdefault(key, []).append((float(row["distance"]), float(row["floor"])))
     return {key: np.array(values) for key, values in rows.items()}
 
 
@@ -790,11 +789,10 @@ METHODS = {
 def suite_results() -> dict[str, Floats]:
     """The success of every policy with rows on each search of the suite, and the "bound"."""
     found: dict[str, dict[str, float]] = {name: {} for name in ("bound", *POLICIES)}
-    with LEADERBOARD.open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            if row["policy"] in found:
-                found[row["policy"]][row["search"]] = float(row["success"])
-                found["bound"][row["search"]] = float(row["bound"])
+    for row in rows_of(LEADERBOARD):
+        if row["policy"] in found:
+            found[row["policy"]][row["search"]] = float(row["success"])
+            found["bound"][row["search"]] = float(row["bound"])
     return {name: np.array([*values.values()]) for name, values in found.items() if values}
 
 
@@ -881,8 +879,7 @@ SHOWN = {
 @figure("opendrift")
 def opendrift(theme: Theme, sampling: Sampling) -> Figure:
     """Draw the spread of the map and of OpenDrift's objects, and forecast and success of plans."""
-    with (FIGURES / "opendrift.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(FIGURES / "opendrift.csv")
     chart = Figure(figsize=(WIDTH, 3.9), layout="constrained")
     spread, success = chart.subplots(1, 2, width_ratios=(1.25, 1))
     for colour, (name, label) in zip(theme.series, SHOWN.items(), strict=False):
@@ -1016,8 +1013,8 @@ def learning(theme: Theme, sampling: Sampling) -> Figure:
     chart = Figure(figsize=(WIDTH, 4.4), layout="constrained")
     panels = chart.subplots(2, 3, sharey=True)
     colours = dict(zip(YARDSTICKS, (*theme.series[3:0:-1], theme.grey), strict=True))
-    with (TRAINING / "own_loop.csv").open(encoding="utf-8", newline="") as file:
-        random_searches = {row["policy"]: float(row["success"]) for row in csv.DictReader(file)}
+    own_loop = rows_of(TRAINING / "own_loop.csv")
+    random_searches = {row["policy"]: float(row["success"]) for row in own_loop}
     *plotted, beside = panels.flat  # the legend takes the last panel
     for axes, (example, title) in zip(plotted, EXAMPLES.items(), strict=True):
         axes.set_title(title)
@@ -1053,8 +1050,7 @@ def radio(theme: Theme, sampling: Sampling) -> Figure:
 
     From `python examples/finds_that_teach.py --csv docs/figures/radio.csv`, with its options.
     """
-    with (FIGURES / "radio.csv").open(encoding="utf-8", newline="") as file:
-        rows = {(row["policy"], row["knows"]): row for row in csv.DictReader(file)}
+    rows = {(row["policy"], row["knows"]): row for row in rows_of(FIGURES / "radio.csv")}
     ranges = ["0", "2", "4", "8", "all"]
     keys = [*(f"hears {reach} cells" for reach in ranges[:-1]), "hears all"]
     chart = Figure(figsize=(WIDTH, 3.6), layout="constrained")
@@ -1088,27 +1084,42 @@ def radio(theme: Theme, sampling: Sampling) -> Figure:
     return chart
 
 
-BASELINES = (
-    "random",
-    "greedy-matrix",
-    "greedy-posterior",
-    "greedy-forecast",
-    "rollout",
-    "imitation",
-)
-LEARNERS = ("ippo", "ippo-gru", "mappo", "iql", "vdn", "qmix", "ppo")
-BENCHMARKED = (*BASELINES, *LEARNERS)
 ALL_KNOWN = "planner, all known"
 PROFILED = {"greedy-posterior": ":", "imitation": "-."}
 
 
-def benchmarked() -> dict[tuple[str, str], list[float]]:
-    """The success of all runs in the benchmark, by policy and task."""
-    found: dict[tuple[str, str], list[float]] = {}
-    with (BENCHMARK / "results.csv").open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            found.setdefault((row["algorithm"], row["task"]), []).append(float(row["success"]))
-    return found
+class Benchmarked(NamedTuple):
+    """The results of the benchmark.
+
+    Attributes:
+        found: the success of all runs by policy and task.
+        packaged: policies of the package, in the order of their mean success, the best first.
+        learners: algorithms, in the same order.
+    """
+
+    found: dict[str, dict[str, list[float]]]
+    packaged: list[str]
+    learners: list[str]
+
+
+def benchmarked() -> Benchmarked:
+    """Read the results of the benchmark."""
+    rows = rows_of(BENCHMARK / "results.csv")
+    found: dict[str, dict[str, list[float]]] = {}
+    for row in rows:
+        runs = found.setdefault(row["algorithm"], {}).setdefault(row["task"], [])
+        runs.append(float(row["success"]))
+
+    def mean_success(name: str) -> float:
+        return float(np.mean([np.mean(runs) for runs in found[name].values()]))
+
+    ranked = sorted(found, key=mean_success, reverse=True)
+    with_seeds = {row["algorithm"] for row in rows if row["seed"]}
+    return Benchmarked(
+        found=found,
+        packaged=[name for name in ranked if name not in with_seeds and name != ALL_KNOWN],
+        learners=[name for name in ranked if name in with_seeds],
+    )
 
 
 @figure("benchmark")
@@ -1117,29 +1128,33 @@ def benchmark(theme: Theme, sampling: Sampling) -> Figure:
 
     From `python benchmarks/algorithms.py`.
     """
-    found = benchmarked()
-    policies = [name for name in BENCHMARKED if any(name == of for of, _ in found)][::-1]
+    found, packaged, learners = benchmarked()
+    policies = [*learners[::-1], *packaged[::-1]]  # from below
     chart = Figure(figsize=(WIDTH, 1.3 + 0.22 * len(policies)), layout="constrained")
     panels = chart.subplots(1, len(TASKS), sharey=True)
     for axes, task in zip(panels, TASKS, strict=True):
         axes.set_title(task)
-        for best in found.get((ALL_KNOWN, task), []):
-            axes.axvline(best, color=theme.grey, linestyle="-.", linewidth=1.2)
+        (best,) = found[ALL_KNOWN][task]
+        axes.axvline(best, color=theme.grey, linestyle="-.", linewidth=1.2)
         for number, name in enumerate(policies):
-            values = found.get((name, task), [])
-            colour = theme.series[1] if name in LEARNERS else theme.series[0]
-            axes.plot(values, [number] * len(values), "o", color=colour, markersize=3, alpha=0.5)
-            if values:
-                axes.plot([np.mean(values)], [number], "o", color=colour, markersize=5)
-        axes.set_xlim(0.0, 1.0)
+            runs = found[name][task]
+            colour = theme.series[1] if name in learners else theme.series[0]
+            axes.plot(runs, [number] * len(runs), "o", color=colour, markersize=3, alpha=0.5)
+            axes.plot([np.mean(runs)], [number], "o", color=colour, markersize=5)
+        axes.set_xlim(0.0, 1.1 * best)
         axes.set_ylim(-0.6, len(policies) - 0.4)
         axes.xaxis.set_major_locator(MaxNLocator(3))
         axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
         axes.grid(axis="x")
     panels[0].set_yticks(range(len(policies)), policies)
-    if any(name == ALL_KNOWN for name, _ in found):
-        line = Line2D([], [], color=theme.grey, linestyle="-.", linewidth=1.2, label=ALL_KNOWN)
-        chart.legend(handles=[line], loc="outside lower center")
+    handles = [
+        Line2D([], [], color=colour, marker="o", markersize=5, linestyle="none", label=label)
+        for colour, label in zip(
+            theme.series, ("of the package", "trained on the task"), strict=False
+        )
+    ]
+    handles.append(Line2D([], [], color=theme.grey, linestyle="-.", linewidth=1.2, label=ALL_KNOWN))
+    chart.legend(handles=handles, loc="outside lower center", ncols=3)
     return chart
 
 
@@ -1150,20 +1165,19 @@ def benchmark_profiles(theme: Theme, sampling: Sampling) -> Figure:
     The performance profiles of R. Agarwal et al., NeurIPS 2021, a panel for each task. Policies
     that are not trained on the tasks are vertical lines.
     """
-    found = benchmarked()
+    found, _, learners = benchmarked()
     chart = Figure(figsize=(WIDTH, 4.6), layout="constrained")
     panels = chart.subplots(2, 2, sharey=True)
     lines: dict[str, Line2D] = {}
     for axes, task in zip(panels.flat, TASKS, strict=True):
         axes.set_title(task)
-        least = np.mean(found["random", task])
-        most = np.mean(found[ALL_KNOWN, task])
+        least = np.mean(found["random"][task])
+        most = np.mean(found[ALL_KNOWN][task])
         score_of = {
-            name: np.sort(np.array(values) - least) / (most - least)
-            for (name, of), values in found.items()
-            if of == task
+            name: np.sort(np.array(runs[task]) - least) / (most - least)
+            for name, runs in found.items()
         }
-        for number, name in enumerate(LEARNERS):
+        for number, name in enumerate(learners):
             scores = score_of[name]
             # All runs exceed a score below the worst, none the best.
             x = np.concatenate([[0.0], scores])
@@ -1190,6 +1204,12 @@ def benchmark_profiles(theme: Theme, sampling: Sampling) -> Figure:
         axes.set_ylabel("share of runs above it")
     chart.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=5)
     return chart
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def svg(name: str, theme: Theme, sampling: Sampling = FULL, kind: str = "svg") -> bytes:

@@ -77,7 +77,8 @@ class Window:
 
     def resize(self, size: tuple[int, int]) -> None:
         """Open the window with a size, at most that of the desktop, or change its size."""
-        self._size = width, height = size
+        width, height = size
+        self._size = size
         desktop_width, desktop_height = pygame.display.get_desktop_sizes()[0]
         if width > desktop_width or height > desktop_height:
             share = DESKTOP_SHARE * min(desktop_width / width, desktop_height / height)

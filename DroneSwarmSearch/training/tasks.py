@@ -136,7 +136,8 @@ class Task:
         """
         if rounds is not None:
             rounds = checks.integer("rounds", rounds, 1)
-        first, *_ = searches = self.held_out()
+        searches = self.held_out()
+        first = searches[0]
         case = Case.of(policy, first, view, deterministic, name)
         persons = tuple(search.scenario.persons_to_find for search in searches)
         scenario = case.search.scenario.replace(persons=persons[0])

@@ -30,6 +30,8 @@ class Perceptron(TrainedPolicy):
 
     def _masked_logits(self, shown: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
         values = shown["observation"]
-        for number, (weights, biases) in enumerate(self._layers):
-            values = (np.tanh(values) if number else values) @ weights + biases
-        return np.where(shown["action_mask"], values, LEAST_LOGIT)
+        for weights, biases in self._layers[:-1]:
+            values = np.tanh(values @ weights + biases)
+        weights, biases = self._layers[-1]
+        logits = values @ weights + biases
+        return np.where(shown["action_mask"], logits, LEAST_LOGIT)
