@@ -213,6 +213,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_files(parser: argparse.ArgumentParser, name: str) -> None:
     parser.usage = "%(prog)s SEARCH --out FILE [options]"
+    parser.set_defaults(names={"search": "SEARCH", "path": "--out"})
     add = parser.add_argument
     add("search", metavar="SEARCH", help=SEARCH)
     policies = f"of {', '.join(POLICIES)}, or {OWN_POLICY} (default: planner)"
@@ -235,6 +236,7 @@ def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
     add = parser.add_argument
     if name == "leaderboard":
         parser.usage = "%(prog)s [options]"
+        parser.set_defaults(names={"search": "--searches"})
         searches = f"{SEARCH} (default: all)"
         add("--searches", metavar="NAME", nargs="+", default=["all"], help=searches)
         add("--policies", metavar="NAME", nargs="+", help=f"of {', '.join(POLICIES)}; default: all")
@@ -244,6 +246,8 @@ def _add_results(parser: argparse.ArgumentParser, name: str) -> None:
         add("--submissions", metavar="FILE", type=Path, help=rows)
         add("--no-bound", dest="bound", action="store_false", help="without bounds: much faster")
     else:
+        names = {"policy": "POLICY", "search": "SEARCH", "searches": "SEARCH"}
+        parser.set_defaults(names=names)
         if name == "evaluate":
             parser.usage = "%(prog)s POLICY SEARCH [SEARCH ...] [options]"
             own = f"a policy of this package, or {OWN_POLICY}"

@@ -54,6 +54,10 @@ def warns(shown):
 
 """
 
+INCIDENT = (
+    "plan --position 54.18 7.85 --time 2026-03-01T05:30Z --object PIW-1 --wind 300 20kn --out plan"
+)
+
 
 @pytest.fixture
 def own(tmp_path):
@@ -218,12 +222,50 @@ def test_results_are_written_and_a_rerun_resumes(capsys, own, tmp_path):
             "'file.py:Class' or 'file.py:Class:argument', got 'mine.py'",
         ),
         (["evaluate", f"{__file__}:none", "pond"], "test_cli.py has none called 'none'"),
-        (["evaluate", "random", "pond", "--view", "drone"], "view must be 'swarm' or 'parallel'"),
         (["bound", "no.json"], "No such file or directory: 'no.json'"),
     ],
 )
 def test_wrong_arguments_are_refused(capsys, arguments, message):
     assert message in refusal(capsys, *arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("evaluate randon pond", "POLICY must be one of"),
+        ("evaluate random pnd", "SEARCH must be one of"),
+        ("evaluate random pond --episodes 0", "--episodes must be"),
+        ("evaluate random pond --seed -1", "--seed must be"),
+        ("evaluate random pond --workers 0", "--workers must be"),
+        ("evaluate random pond --view drone", "--view must be 'swarm' or 'parallel'"),
+        ("evaluate random pond --right-of-way", "--right-of-way needs --action-mask"),
+        ("leaderboard --policies random random", "--policies must be"),
+        ("leaderboard --searches pnd", "--searches must be one of"),
+        ("bound pnd", "SEARCH must be one of"),
+        ("play pnd", "SEARCH must be one of"),
+        ("play drift/500", "SEARCH must be drift/0 to drift/499"),
+        ("play --policy randon", "--policy must be one of"),
+        ("play --text --seed -1", "--seed must be"),
+        ("play --fps 0", "--fps must be"),
+        ("play --record mine.mov", "--record must end in .gif or .mp4"),
+        ("record pond --out mine.mov", "--out must end in .gif or .mp4"),
+        ("record pond --out mine.gif --fps 51", "--fps must be"),
+        ("record pond --out mine.gif --seed -1", "--seed must be"),
+        ("record radio/0 --out mine.gif --drone 4", "--drone must be"),
+        ("export pnd --out mine.json", "SEARCH must be one of"),
+        ("export pond --out mine.txt", "--out must end in .json"),
+        ("export pond --out mine.json --seeds -1", "--seeds must be"),
+        (f"{INCIDENT} --seconds -5", "--seconds must be a finite number above 0"),
+        (f"{INCIDENT} --bearing 45", "--distance must be given together with --bearing"),
+        (f"{INCIDENT} --bearing-error 2", "--bearing must be given together with --bearing-error"),
+        (f"{INCIDENT} --tracks none.nc", "--object cannot be given together with --tracks"),
+    ],
+)
+def test_errors_begin_with_what_was_typed(capsys, arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    _, reason = refusal(capsys, *arguments.split()).split("error: ")
+    assert reason.startswith(message)
+    assert not files_in(tmp_path)
 
 
 def test_missing_files_and_folders_are_refused(capsys, tmp_path, monkeypatch):

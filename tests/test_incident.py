@@ -435,6 +435,12 @@ def test_many_drones_share_heights_and_keep_clear_of_each_other():
     assert "Drones 1 and 7 share the height of 20 m and come within " in text
 
 
+@pytest.mark.thorough
+def test_all_drones_that_share_a_height_are_named():
+    planned = plan_flights(Incident(**{**KNOWN, "drones": 3, "ceiling": "20m"}), seconds=1)
+    assert "Drones 1, 2 and 3 share the height of 20 m" in " ".join(planned.briefing)
+
+
 def distance(flight: list[Waypoint], other: list[Waypoint], incident: Incident) -> float:
     """The least distance of two drones in metres, every second that both are in the air."""
     begin = max(flight[0].time, other[0].time)

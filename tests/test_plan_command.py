@@ -96,7 +96,7 @@ REFUSED = {
     ),
     "24:00Z": (f"{HERE} --wind 300 30kn@24:00Z", "--wind must be a time from 00:00Z to 23:59Z"),
     "start 06:75Z": (f"{HERE} --start 06:75Z", "--start must be a time from 00:00Z to 23:59Z"),
-    "a start before": (f"{HERE} --start 05:00Z", "--start must not be before time"),
+    "a start before": (f"{HERE} --start 05:00Z", "--start must not be before --time"),
     "a gale": (f"{OPTIONS} {PLACE} --wind 300 60kn", "--speed must exceed the headwind"),
     "a start next week": (f"{HERE} --start 2026-03-08T05:30Z", "--start must be at most 72 hours"),
     "a start next year": (f"{HERE} --start 2027-03-01T05:30Z", "--start must be at most 72 hours"),
@@ -307,7 +307,7 @@ def test_values_that_tracks_have_are_refused(tmp_path, capsys):
         ("--wind-error 4m/s", "--wind-error"),
         ("--current-error 1kn", "--current-error"),
     ):
-        message = f"{name} cannot be given together with tracks, which have it already"
+        message = f"{name} cannot be given together with --tracks, which have it already"
         assert message in refused(capsys, f"{options} {out}")
     again = Incident(tracks=path)
     again.write(tmp_path / "incident.json")

@@ -209,7 +209,7 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            (["all", "--out", "a.gif"], "search must be one of pond"),
+            (["all", "--out", "a.gif"], "SEARCH must be one of pond"),
             (["pond", "--out", "a.png"], "must end in .gif or .mp4, got 'a.png'"),
             (["pond", "--fps", "99", "--out", "a.gif"], "fps must be a finite number of at least"),
         ],

@@ -12,6 +12,7 @@ import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from numbers import Real
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,14 @@ def choice(name: str, value: object, allowed: Sequence[str | None]) -> str | Non
             return value
         error = ValueError
     raise error(f"{name} must be one of {', '.join(map(repr, allowed))}, got {value!r:.100}")
+
+
+def suffix(name: str, path: str | os.PathLike[str], allowed: Sequence[str]) -> Path:
+    """A path that ends in one of the allowed suffixes, such as ".json", in any case."""
+    checked = Path(path)
+    if checked.suffix.lower() not in allowed:
+        raise ValueError(f"{name} must end in {' or '.join(allowed)}, got {str(path)!r:.100}")
+    return checked
 
 
 def known_keys(

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 LONGEST_TITLE = 100  # characters of a text from elsewhere that are shown
 
 
 def plural(count: int, noun: str, ending: str = "s") -> str:
     """A number with its noun, in the plural unless it is one."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}{ending}"
+
+
+def enumerated(names: Sequence[str]) -> str:
+    """Names in a sentence: "1, 2 and 3"."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def capitalised(text: str) -> str:

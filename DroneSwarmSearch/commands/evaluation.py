@@ -14,6 +14,7 @@ from pathlib import Path
 
 from DroneSwarmSearch import policies
 from DroneSwarmSearch._internal.text import plural
+from DroneSwarmSearch.commands.options import as_typed
 from DroneSwarmSearch.commands.searches import check_drone, named_search
 from DroneSwarmSearch.core.named_search import NamedSearch
 from DroneSwarmSearch.core.rules import Ending
@@ -49,14 +50,14 @@ def run(options: argparse.Namespace) -> int:
     except BrokenPipeError:
         return FAILED  # the reader of stdout has gone
     except ImportError as error:
-        reason = str(error)
+        reason = as_typed(str(error), options)
     except OSError as error:
         reason = f"{error.filename or 'cannot write the output'}: {error.strerror}"
     except (TypeError, ValueError) as error:
         *_, (innermost, _) = traceback.walk_tb(error.__traceback__)
         if not Path(innermost.f_code.co_filename).is_relative_to(PACKAGE):
             raise
-        options.parser.error(str(error))
+        options.parser.error(as_typed(str(error), options))
     if "workers" in options and options.out is not None and options.out.exists():
         reason += f"; finished results are kept in {options.out}, and the same command resumes"
     print(reason, file=sys.stderr)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import re
 import textwrap
 import time
 from dataclasses import fields, replace
@@ -12,6 +11,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.extras import import_matplotlib
 from DroneSwarmSearch.commands.options import Once
 from DroneSwarmSearch.incident.files import write
@@ -45,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "%(prog)s --position LAT LON --time UTC\n"
         "           --object CLASS --wind DEGREES SPEED --out DIR [options]"
     )
+    parser.set_defaults(names=NAMES)
     words: Any = {"nargs": "+", "action": _Words}
     position: Any = {"metavar": ("LAT", "LON"), **words}
     flow: Any = {"metavar": ("DIRECTION", "SPEED"), "nargs": "+", "action": "append"}
@@ -131,17 +132,18 @@ class _Words(Once):
 def run(options: argparse.Namespace) -> None:
     """Plan, print one screen, and write the folder."""
     import_matplotlib("the map needs the package matplotlib", "plan")  # not after planning
+    checks.positive("--seconds", options.seconds)
     is_new = not options.out.exists()
     try:
         incident = _incident(options)
         try_plan_folder(options.out)
         left = options.seconds - AFTERWARDS - time.process_time()
         made = plan(incident, seconds=max(left, 1.0))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError):
         if is_new:
             with contextlib.suppress(OSError):
                 options.out.rmdir()  # it is empty
-        raise type(error)(_as_typed(str(error), options)) from None
+        raise
     try:
         print("\n".join(summary(made)), flush=True)
         more = []
@@ -154,18 +156,6 @@ def run(options: argparse.Namespace) -> None:
     print(f"Written to {options.out}.")
     if left:
         print(f"Left there, because no plan has written it: {listed(left)}.")
-
-
-def _as_typed(message: str, options: argparse.Namespace) -> str:
-    """A message about a value of an incident that names its option instead."""
-    match = re.match(r"\w+(?=[ \[:,])", message)
-    name = match.group() if match else ""
-    if not hasattr(options, name):
-        return message
-    option = NAMES.get(name, f"--{name.replace('_', '-')}")
-    if getattr(options, f"{name}_file", None):
-        option = f"{option}-file"
-    return option + message[len(name) :]
 
 
 def _incident(options: argparse.Namespace) -> Incident:

@@ -26,7 +26,7 @@ from DroneSwarmSearch.policies import POLICIES
 from DroneSwarmSearch.rendering.palette import PALETTES, Look
 from DroneSwarmSearch.rendering.player import Player, Recording, Score
 from DroneSwarmSearch.rendering.text import WIDTH, print_frames
-from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST
+from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, SUFFIXES
 
 USUAL_POLICY = "greedy-forecast"  # as good as any that start at once
 BESIDE_YOU = "greedy-matrix"  # it needs only observations, so it works while you fly drone 0
@@ -42,6 +42,7 @@ USUAL_SEED = 7
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     parser.usage = "%(prog)s [SEARCH] [options]"
+    parser.set_defaults(names={"search": "SEARCH"})
     parser.add_argument(
         "search",
         metavar="SEARCH",
@@ -80,9 +81,13 @@ def run(options: argparse.Namespace) -> None:
     options.policy = options.policy or (BESIDE_YOU if options.manual else USUAL_POLICY)
     if options.seed is None:
         options.seed = USUAL_SEED if options.search is None else 0
+    checks.integer("--seed", options.seed, 0)
     checks.real("--fps", options.fps, FPS_LEAST, FPS_MOST)
     found = named_search(options.search or USUAL_SEARCH)
     check_drone(options.drone, found)
+    PolicySpec.of(options.policy)
+    if options.record is not None:
+        checks.suffix("--record", options.record, SUFFIXES)
     print(textwrap.fill(f"{found.name}: {found.reason}", WIDTH) + "\n", flush=True)
     if options.record is not None:
         video = record(

@@ -7,7 +7,6 @@ import json
 import os
 import zlib
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -73,17 +72,18 @@ def export(
         OSError: the file cannot be written.
         TypeError, ValueError: an argument is invalid.
     """
+    target = checks.suffix("path", path, (".json",))
     where = as_named(search)
     specs = [PolicySpec.of(policy) for policy in policies]
     views = [view_of(spec, where, view) for spec in specs]
     chosen = [checks.integer("seeds", seed, 0) for seed in seeds]
-    try_folder(Path(path).parent)
+    try_folder(target.parent)
 
     maps = Maps()
     episodes = []
     title = f"episodes of {where.name}"
     total = len(specs) * len(chosen)
-    with replacing(Path(path)) as spare, progress(title, total) as bar:
+    with replacing(target) as spare, progress(title, total) as bar:
         for spec, seen in zip(specs, views, strict=True):
             mine = where.with_posterior(seen.bayesian_update)
             policy = prepared(spec, mine)

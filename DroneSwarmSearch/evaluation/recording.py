@@ -19,7 +19,7 @@ from DroneSwarmSearch.evaluation.stage import PolicyLike, prepared, steering, vi
 from DroneSwarmSearch.evaluation.suite import as_named
 from DroneSwarmSearch.layouts.view import View
 from DroneSwarmSearch.rendering.palette import PALETTES, Look
-from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, write_video
+from DroneSwarmSearch.rendering.video import FPS_LEAST, FPS_MOST, SUFFIXES, write_video
 
 HOLD = 3.0  # seconds for which the last picture stays
 
@@ -82,7 +82,7 @@ def record(
         OSError: the file cannot be written.
         TypeError, ValueError: an argument is invalid.
     """
-    target = Path(path)
+    target = checks.suffix("path", path, SUFFIXES)
     rate = checks.real("fps", fps, FPS_LEAST, FPS_MOST)
     checks.choice("palette", palette, tuple(PALETTES))
     spec = PolicySpec.of(policy, name)

@@ -171,8 +171,8 @@ def degrees(text: str, letters: str) -> float:
     letter = "".join(token for token in tokens if token not in digits)
     if not _is_position(letter, digits, letters):
         raise ValueError(
-            f"degrees are such as 54.18, 54-10.8{letters[0]} or 54 10 48 {letters[0]}, the "
-            f"latitude first, got {text!r}"
+            f"degrees are such as 54.18, 54-10.8{letters[0]} or 54 10 48 {letters[0]}, with "
+            f"minutes and seconds below 60 and the latitude first, got {text!r}"
         )
     size: float = sum(float(number) / 60**power for power, number in enumerate(digits))
     return -size if letter == letters[1] else size

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from DroneSwarmSearch._internal.arrays import Floats, Ints
-from DroneSwarmSearch._internal.text import capitalised, plural
+from DroneSwarmSearch._internal.text import capitalised, enumerated, plural
 from DroneSwarmSearch.geo.coast import NONE, Land
 from DroneSwarmSearch.geo.units import KNOT, radioed
 from DroneSwarmSearch.incident.by_class import ByClass, in_words
@@ -343,7 +343,7 @@ class FlightPlan:
                 far = "are never in the air together"
                 if math.isfinite(apart):
                     far = f"come within {apart:.0f} m of each other"
-                names = " and ".join(self.incident.craft[number].name for number in sharing)
+                names = enumerated([self.incident.craft[number].name for number in sharing])
                 sentences.append(f"Drones {names} share the height of {height:.0f} m and {far}.")
         return sentences
 

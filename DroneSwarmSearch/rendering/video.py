@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.extras import needed
 from DroneSwarmSearch._internal.files import replacing
 from DroneSwarmSearch.core.frame import Frame
@@ -109,8 +110,7 @@ def write_pictures(
     Raises ImportError without imageio-ffmpeg (the extra "video"), OSError if the file cannot be
     written, and ValueError if the suffix is not one of `SUFFIXES`.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise ValueError(f"path must end in {' or '.join(SUFFIXES)}, got {str(path)!r:.100}")
+    checks.suffix("path", path, SUFFIXES)
     imageio = needed("imageio_ffmpeg", "a video needs the package imageio_ffmpeg", "video")
     ffmpeg = [imageio.get_ffmpeg_exe(), "-y", "-v", "error"]
     left = iter(pictures)
