@@ -337,12 +337,13 @@ def search_at_the_coast(options: argparse.Namespace) -> list[tuple[object, ...]]
         "leeway.person": leeway.person(**known, probability_of_detection=DETECTION),
         "Person(tracks)": Person(fitted, DETECTION),
     }
+    policies = ["greedy-posterior"] if options.fast else ["greedy-posterior", "planner"]
     rows = []
     print(f"{'person':>14}  {'policy':<16}  forecast  found")
     for name, person in persons.items():
         limits = {"timestep_limit": COAST_STEPS, "mission": "coverage", "bayesian_update": True}
         scenario = Scenario(SEARCH_SIZE, len(COAST_DRONES), persons=person, **limits)
-        for policy in ("greedy-posterior",) if options.fast else ("greedy-posterior", "planner"):
+        for policy in policies:
             forecast, plan = plan_of(policy, scenario)
             found = share_found(others, plan, scenario, drones_positions=COAST_DRONES)
             print(f"{name:>14}  {policy:<16}  {forecast:8.1%}  {found:.1%}", flush=True)
@@ -378,19 +379,25 @@ def main() -> None:
     if options.coast:
         write(options.csv, [COAST_COLUMNS, *search_at_the_coast(options)])
         return
-    classes, incidents = (CLASSES[:2], INCIDENTS[:1]) if options.fast else (CLASSES, INCIDENTS)
+    classes = CLASSES
+    incidents = INCIDENTS
+    if options.fast:
+        classes = CLASSES[:2]
+        incidents = INCIDENTS[:1]
+    if options.random:
+        classes = ()
+        incidents = random_incidents(options.random, options.seed)
     np.random.seed(0)  # OpenDrift draws from it
 
     rows = []
     excess = []
     print(f"{'object class':>23}  wind, m/s     time  distance  floor  means  sd of x, y")
-    for name in () if options.random else classes:
+    for name in classes:
         for wind in WINDS:
             for snapshot in snapshots(Incident(name, wind), options):
                 rows += print_row(name, wind, snapshot, options)
     print(f"\n{'object class':>23}  wind, m/s     forecast  found")
-    chosen = random_incidents(options.random, options.seed) if options.random else incidents
-    for incident in chosen:
+    for incident in incidents:
         name = incident[0]
         wind = (round(incident.wind[0], 1), round(incident.wind[1], 1))
         if (success := search(incident, options)) is None:

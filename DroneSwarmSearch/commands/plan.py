@@ -147,9 +147,10 @@ def run(options: argparse.Namespace) -> None:
     try:
         print("\n".join(summary(made)), flush=True)
         more = []
-        for alternative in () if options.no_alternatives else alternatives(made):
-            print(alternative.sentence, flush=True)
-            more.append(alternative)
+        if not options.no_alternatives:
+            for alternative in alternatives(made):
+                print(alternative.sentence, flush=True)
+                more.append(alternative)
         made = replace(made, alternatives=tuple(more))
     finally:  # also if nobody reads the summary
         left = write(made, options.out)

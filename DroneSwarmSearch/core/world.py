@@ -192,7 +192,8 @@ class WorldState:
         """Let drones, given by cell, search, and update what is known; returns the finders."""
         found: dict[int, int] = {}
         found_by: dict[int, dict[int, int]] = {}
-        for person in self.missing if self.is_rescue else ():
+        can_be_found = self.missing if self.is_rescue else ()
+        for person in can_be_found:
             cell = self.person_cell(person)
             finder = self._finder(person, searches[cell]) if cell in searches else None
             if finder is not None:

@@ -115,7 +115,9 @@ class Quantity:
 def _without_kind(text: str, error: str) -> tuple[str, float]:
     """The text of an error without the name of its kind, and how many standard deviations it is."""
     words = text.strip()
-    for kind, sds in ERRORS.items() if error else ():
+    if not error:
+        return words, 1.0
+    for kind, sds in ERRORS.items():
         if words.lower().endswith(kind):
             return words[: -len(kind)].strip(), sds[error]
     return words, 1.0

@@ -195,7 +195,9 @@ class FlightPlan:
         )
         parts = []
         for called, numbers in groups:
-            for number, name in enumerate(called) if len(called) > 1 else ():
+            if len(called) == 1:
+                continue
+            for number, name in enumerate(called):
                 weights = self.particles.weights * (numbers == number)
                 weight = float(weights.sum())
                 success = float(weights @ found) / weight if weight else 0.0

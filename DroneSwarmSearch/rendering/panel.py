@@ -148,7 +148,8 @@ def _draw_scale(canvas: pygame.Surface, look: Look, maximum: float, top: int) ->
     area = pygame.Rect(0, top + 22, WIDTH, 16)
     canvas.blit(pygame.transform.scale(bar, area.size), area)
     pygame.draw.rect(canvas, INK, area, width=1)
-    for share in (0.0, 0.5, 1.0) if look.gradient else (0.0, MIDDLE_FROM, HIGH_FROM, 1.0):
+    shares = (0.0, 0.5, 1.0) if look.gradient else (0.0, MIDDLE_FROM, HIGH_FROM, 1.0)
+    for share in shares:
         label = text_line(percent(share * maximum), SMALL, INK)
         at = label.get_rect(midtop=(round(share * WIDTH), area.bottom + 7))
         canvas.blit(label, at.clamp(canvas.get_rect()))

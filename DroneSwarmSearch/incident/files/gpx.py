@@ -14,7 +14,9 @@ def gpx(plan: FlightPlan, drones: Iterable[int] | None = None) -> bytes:
     """The content of plan.gpx; of some drones only if they are given, counted from 0."""
     namespace = {"xmlns": "http://www.topografix.com/GPX/1/1", "version": "1.1"}
     root = ET.Element("gpx", namespace, creator="DroneSwarmSearch")
-    for drone in range(len(plan.flights)) if drones is None else drones:
+    if drones is None:
+        drones = range(len(plan.flights))
+    for drone in drones:
         label = plan.incident.craft[drone].label
         route = add(root, "rte", name=label, desc=plan.orders[drone])
         for number, waypoint in enumerate(plan.flights[drone]):
