@@ -233,7 +233,7 @@ def interval(strata: list[NDArray[np.float64]]) -> tuple[float, float, float]:
 def cell(strata: list[NDArray[np.float64]]) -> str:
     """The figures in percent; without an interval if no policy was trained."""
     mean, low, high = (f"{100 * value:.1f}" for value in interval(strata))
-    return mean if max(map(len, strata)) == 1 else f"{mean} ({low} to {high})"
+    return mean if max(map(len, strata)) == 1 else f"{mean} ({low}\N{EN DASH}{high})"
 
 
 def table() -> str:
