@@ -98,9 +98,18 @@ def table_of_gaps(policies: Policies, submitted: set[str]) -> str:
     return markdown([head, *(cells for _, cells in found)])
 
 
+def list_of_submissions(submissions: list[Row]) -> str:
+    """Who submitted each policy that has a mark."""
+    return "".join(
+        f"-{SUBMITTED} **{row['name']}**: submitted by {row['authors']}, `{row['reference']}`.\n"
+        for row in submissions
+    )
+
+
 def main() -> None:
     policies = by_policy()
-    submitted = {row["name"] for row in rows_of(FOLDER / "submissions.csv")}
+    submissions = rows_of(FOLDER / "submissions.csv")
+    submitted = {row["name"] for row in submissions}
     for page, name, make in (
         (PAGE, "policies", table_of_policies),
         (PAGE, "searches", table_of_searches),
@@ -108,6 +117,8 @@ def main() -> None:
     ):
         table = make(policies, submitted)
         page.write_text(with_table(page, f"{COMMAND}, {name}", table), "utf-8")
+    listed = list_of_submissions(submissions)
+    PAGE.write_text(with_table(PAGE, f"{COMMAND}, submissions", listed), "utf-8")
 
 
 if __name__ == "__main__":
