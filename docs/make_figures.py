@@ -1147,11 +1147,10 @@ def benchmark(theme: Theme, sampling: Sampling) -> Figure:
         axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
         axes.grid(axis="x")
     panels[0].set_yticks(range(len(policies)), policies)
+    kinds = {"of the package": theme.series[0], "trained on the task": theme.series[1]}
     handles = [
         Line2D([], [], color=colour, marker="o", markersize=5, linestyle="none", label=label)
-        for colour, label in zip(
-            theme.series, ("of the package", "trained on the task"), strict=False
-        )
+        for label, colour in kinds.items()
     ]
     handles.append(Line2D([], [], color=theme.grey, linestyle="-.", linewidth=1.2, label=ALL_KNOWN))
     chart.legend(handles=handles, loc="outside lower center", ncols=3)

@@ -268,6 +268,21 @@ def test_errors_begin_with_what_was_typed(capsys, arguments, message, tmp_path, 
     assert not files_in(tmp_path)
 
 
+def test_errors_about_a_file_name_its_keys(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    given = {
+        "position": [54, 8],
+        "bearing_error": 2,
+        "time": "2026-03-01T05:30Z",
+        "object_class": "PIW-1",
+        "wind": "300 20kn",
+    }
+    Path("incident.json").write_text(json.dumps(given), "utf-8")
+    reason = refusal(capsys, "plan", "--incident", "incident.json", "--out", "plan")
+    assert "incident.json must be the file of an incident: " in reason
+    assert "--" not in reason.split("incident.json", 1)[1]
+
+
 def test_missing_files_and_folders_are_refused(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     line = answer(capsys, "evaluate", "none.py:act", "pond", code=1).err

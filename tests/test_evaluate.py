@@ -294,7 +294,7 @@ def test_bad_arguments_are_refused(changes, error, message):
     [
         ({"observation": "x"}, ValueError, "observation must be one of 'dict', 'flat', 'planes'"),
         ({"form": "parallel", "observation": "flat"}, ValueError, "needs observation='dict'"),
-        ({"right_of_way": True}, ValueError, "right_of_way needs action_mask"),
+        ({"right_of_way": True}, ValueError, "right_of_way needs action_mask, which is False"),
     ],
 )
 def test_a_view_is_validated(arguments, error, message):

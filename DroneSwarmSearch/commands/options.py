@@ -6,12 +6,11 @@ import argparse
 import re
 from typing import Any
 
-PARAMETER = re.compile(
-    r"^\w+(?=[ \[:,])"
-    r"|(?:(?<=together with )|(?<=needs )|(?<=before ))\w+(?=[ ,;]|$)"
-    r"|(?<![\w.-])[a-z]+(?:_[a-z]+)+(?![\w.(])"
-)
-"""Where a message may name a parameter: it begins with one, or with an underscore it is no word."""
+BEGINNING = re.compile(r"\w+(?=[ \[:,])")
+"""The parameter that a message is about, if it is about one."""
+
+OTHER = re.compile(r"(?:(?<=together with )|(?<=needs )|(?<=before ))\w+(?=[ ,;]|$)")
+"""Where such a message may name another one."""
 
 
 class Once(argparse.Action):
@@ -47,6 +46,7 @@ def as_typed(message: str, options: argparse.Namespace) -> str:
     """A message about parameters, with the options in their place: "--seed must be ...".
 
     The option of `bearing_error` is --bearing-error, unless the parser's `names` has another one.
+    Messages that begin otherwise, such as with the path of a file, stay as they are.
     """
 
     def option(match: re.Match[str]) -> str:
@@ -56,7 +56,10 @@ def as_typed(message: str, options: argparse.Namespace) -> str:
         typed: str = options.names.get(name, f"--{name.replace('_', '-')}")
         return f"{typed}-file" if getattr(options, f"{name}_file", None) else typed
 
-    return PARAMETER.sub(option, message)
+    beginning = BEGINNING.match(message)
+    if beginning is None or option(beginning) == beginning.group():
+        return message
+    return option(beginning) + OTHER.sub(option, message[beginning.end() :])
 
 
 def _shown(value: Any) -> str:

@@ -83,15 +83,15 @@ def run(options: argparse.Namespace) -> None:
         options.seed = USUAL_SEED if options.search is None else 0
     checks.integer("--seed", options.seed, 0)
     checks.real("--fps", options.fps, FPS_LEAST, FPS_MOST)
-    found = named_search(options.search or USUAL_SEARCH)
-    check_drone(options.drone, found)
-    PolicySpec.of(options.policy)
     if options.record is not None:
         checks.suffix("--record", options.record, SUFFIXES)
+    found = named_search(options.search or USUAL_SEARCH)
+    check_drone(options.drone, found)
+    options.spec = PolicySpec.of(options.policy)
     print(textwrap.fill(f"{found.name}: {found.reason}", WIDTH) + "\n", flush=True)
     if options.record is not None:
         video = record(
-            options.policy,
+            options.spec,
             found,
             options.record,
             seed=options.seed,
@@ -122,7 +122,7 @@ class _Episode:
     def __init__(
         self, search: NamedSearch, options: argparse.Namespace, seed: int, rival: str = ""
     ) -> None:
-        spec = PolicySpec.of(rival or options.policy)
+        spec = PolicySpec.of(rival or options.spec)
         posterior = search.with_posterior(bayesian_update=True)
         seen = view_of(spec, search, view_from(options))
         where = posterior if options.manual else search.with_posterior(seen.bayesian_update)

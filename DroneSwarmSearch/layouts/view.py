@@ -63,7 +63,7 @@ class View:
                 f"observation={self.observation!r}"
             )
         if self.right_of_way and not self.action_mask:
-            raise ValueError("right_of_way needs action_mask")
+            raise ValueError("right_of_way needs action_mask, which is False")
 
     @property
     def is_joint(self) -> bool:
