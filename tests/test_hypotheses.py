@@ -260,6 +260,10 @@ def test_the_command_takes_the_common_cases(options, words, tmp_path, capsys):
         ([*AT, "--object", "PIW-1", "--area", CORNERS], "got --position and --area"),
         ([*AT, "--object", "PIW-1", "--time", "2026-03-01T05:30Z"], "--time: must be given once"),
         ([*AT, "--object", "PIW-1", "--line", "54N 7E"], "got --position and --line"),
+        (
+            [*AT, "--object", "PIW-1", "--line", "54N 7E", "--area", CORNERS],
+            "got --position, --line and --area",
+        ),
         ([*AT[3:], "--object", "PIW-1", "--line", "54N 7E"], "--line must be two or more"),
         ([*AT, "--object", "PIW-1", "--bearing-error", "3"], "--bearing must be given together"),
     ],

@@ -13,6 +13,7 @@ from typing import Any
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.extras import import_matplotlib
+from DroneSwarmSearch._internal.text import enumerated
 from DroneSwarmSearch.commands.options import Once
 from DroneSwarmSearch.incident.files import write
 from DroneSwarmSearch.incident.files.folder import INCIDENT, listed, try_plan_folder
@@ -200,7 +201,7 @@ def _check_places(options: argparse.Namespace) -> None:
     given = [f"--{name}" for name in PLACES if getattr(options, name) is not None]
     if len(given) > 1:
         raise ValueError(
-            f"one of --position, --line and --area may be given, got {' and '.join(given)}"
+            f"one of --position, --line and --area may be given, got {enumerated(given)}"
         )
 
 
@@ -220,7 +221,7 @@ def _by_class(name: str, given: list[Any]) -> str:
     if len(texts) > 1 and not all(":" in text for text in texts):
         raise ValueError(
             f"{name} must be given once, or as CLASS:VALUE for each object class, got "
-            f"{' and '.join(texts)}"
+            f"{enumerated(texts)}"
         )
     return "; ".join(texts)
 

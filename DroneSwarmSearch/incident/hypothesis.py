@@ -15,7 +15,7 @@ import numpy as np
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Pair
-from DroneSwarmSearch._internal.text import printable
+from DroneSwarmSearch._internal.text import enumerated, printable
 from DroneSwarmSearch.geo import units
 from DroneSwarmSearch.geo.polygons import read_polygons, shapely_package
 from DroneSwarmSearch.geo.times import in_utc, near
@@ -172,7 +172,7 @@ def _checked(given: dict[str, Any]) -> dict[str, Any]:
     """The values in their plain forms."""
     places = [name for name in PLACES if given[name] is not None]
     if len(places) != 1:
-        got = " and ".join(places) or "none of them"
+        got = enumerated(places) if places else "none of them"
         raise ValueError(f"position, line or area must be given, one of them, got {got}")
     (place,) = places
     values: dict[str, Any] = {
