@@ -36,8 +36,9 @@ class TrajectoryObjective:
     def tangent(self, collected: Floats, width: float) -> tuple[Floats, Floats]:
         """Linear upper bounds near credits and searches (2, m).
 
-        Their slopes, (2, m), are those of a function whose corners are rounded off by half a
-        width, in searches; their values without effort, (m,), raise them above the function.
+        The function's corners are first rounded off by half a width, in searches; the tangents have
+        the slopes, (2, m), of the rounded function. Their values without effort, (m,), raise them
+        above the function itself.
         """
         credits, searches = collected
         corner, turned = self._nearest_corner(searches, width)

@@ -31,8 +31,8 @@ policy that is told k before the first step can ignore it, so no policy finds mo
 that is told; its success given k is at most the bound for a search in which k is certain. The bound
 is therefore the mean of these bounds over the hypotheses.
 
-The bound lets drones share cells, so it holds whatever happens to those that meet. Drones that
-search in flight are those of `flying`.
+The bound lets drones share cells, so it holds whatever happens to those that meet. For drones that
+search in flight, see `flying`.
 
 In a coverage mission, the bound is the mean over persons. `Person.survival` is left out: who is
 found alive is found, so the bound also holds for finding alive.

@@ -27,7 +27,7 @@ class Drones:
         searching: the drones that searched in the last step.
         heard: which drone heard which in the last step, see `radio.hearing`; None if drones always
             hear each other.
-        last_heard: where each drone last heard each other one; or None, likewise.
+        last_heard: where each drone last heard each other one; None if `heard` is None.
         finders: the drones that have found a person in this episode.
         returns: each drone's sum of rewards.
         history: the last steps, oldest first, and the start: all drones' cells, and who searched.

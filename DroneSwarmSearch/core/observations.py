@@ -35,7 +35,7 @@ class Snapshot(NamedTuple):
         ending: how the episode ended; None before its end.
         matrices: the matrix that each drone observes.
         heard: which drone hears which, see `radio.hearing`; None if drones always hear each other.
-        last_heard: where each drone last heard each other one; or None, likewise.
+        last_heard: where each drone last heard each other one; None if `heard` is None.
     """
 
     cells: list[int]

@@ -25,7 +25,7 @@ the time limit does not apply, and the episode also ends once less than 1% is le
 
 That is `crash="end"`. With "block", a drone that would leave the grid or enter a taken cell stays
 where it is; lower numbers go first. With "pass", only the border blocks: drones fly at different
-heights, and may share a cell. Whoever is blocked gets the reward of anything else.
+heights, and may share a cell. A blocked move is rewarded as "anything else".
 
 With `search_in_flight`, every drone searches in every step the cell in which it is after its
 action, so "it searched" applies to all drones.

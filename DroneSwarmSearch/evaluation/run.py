@@ -50,7 +50,7 @@ def evaluate(
     Success and time are exact if the policy is deterministic and there is one person; in the
     coverage mission, everything is if the policy is deterministic. Otherwise, they are means over
     sampled paths of the probability of success given the path (conditional Monte Carlo). Returns
-    and endings are those of the episodes.
+    and endings are sampled: they come from the episodes.
 
     All policies use common random numbers. A portion of 500 episodes is played by a deep copy of
     the policy. Two optional methods of the policy are called: `prepare(drones)` with the drones'
@@ -61,9 +61,9 @@ def evaluate(
             or a callable from observations to actions. A class is instantiated with the search's
             `Scenario`, and with the argument, a string.
         search: the name of a search of the suite, a `NamedSearch`, or a `Scenario`.
-        view: what the policy sees and returns: a `View`, or its form. Without a form, what it
-            leaves at the default is as in the policy's attribute `view`, a `View` or its form;
-            without that, the policy steers whole swarms.
+        view: what the policy sees and returns: a `View`, or its form. If you give no form, options
+            that you leave out come from the policy's attribute `view`, a `View` or its form. A
+            policy without that attribute steers whole swarms.
         episodes: the number of episodes, at least 1.
         seed: of the first episode, at least 0; episode i has the seed `seed + i`.
         deterministic: whether the actions depend on nothing but what the policy has observed

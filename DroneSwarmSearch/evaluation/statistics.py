@@ -93,8 +93,8 @@ def bounded_mean(sample: ArrayLike, least: float = 0.0, most: float = 1.0) -> Es
 def stratified_mean(sample: ArrayLike, strata: int) -> Estimate:
     """Estimate the mean over fixed strata, of which each gave equally many values in turn.
 
-    Value i is of stratum i % strata. The error is that of the values within the strata, since
-    the strata are given and not drawn: W. G. Cochran, Sampling Techniques, 3rd edition, 1977,
+    Value i is of stratum i % strata. Only the spread within the strata is an error, since the
+    strata are given and not drawn: W. G. Cochran, Sampling Techniques, 3rd edition, 1977,
     section 5.4. At least two values of each are needed.
     """
     values = np.asarray(sample, np.float64).reshape(-1, strata)

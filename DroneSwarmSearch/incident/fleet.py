@@ -67,16 +67,16 @@ USUAL: dict[str, dict[str, Any]] = {
     },
     BOAT: {"speed": "20kn", "endurance": "4h", "turn": 20.0, "climb": 1.0, "altitude": 0.0},
 }
-"""What boats and helicopters can do, unless it is given; the values of an incident are those of
-its drones."""
+"""What boats and helicopters can do, unless it is given; the values of an incident are for drones
+only."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drone:
     """What a drone can do, or a boat or a helicopter that searches beside them.
 
-    A value that is not given is that of the incident, see `Incident`; boats and helicopters have
-    usual values of their own.
+    Values that are not given come from the `Incident`. Boats and helicopters have usual values of
+    their own.
 
     Attributes:
         name: by which orders call it; by default its number.

@@ -50,7 +50,8 @@ class FlownFlight:
     Attributes:
         waypoints: at least two, in the order of their times.
         swath: the width of the strip that the drone saw, in metres; perhaps by object class.
-        probability_of_detection: that it found a person in the strip when it flew past, likewise.
+        probability_of_detection: that it found a person in the strip when it flew past; perhaps by
+            object class.
         name: of the drone.
     """
 

@@ -309,7 +309,7 @@ class Hypotheses(KnownDrift):
 def displaced(rates: Floats, tau: Any) -> Floats:
     """The displacement after tau steps, (..., A), at rates (A,), or at rates of each step, (T, A).
 
-    After the last step of an axis, there may be NaN; its last rate lasts.
+    Each axis keeps its last rate when its rates end; NaN pads the shorter axis.
     """
     displacement: Floats
     if rates.ndim == 1:

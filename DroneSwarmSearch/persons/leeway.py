@@ -4,7 +4,7 @@ Leeway is an object's motion through the water because of the wind. It has a dow
 and a crosswind component to the right or to the left of the wind. In a wind of W m/s at a height of
 10 m, an object's downwind leeway is (a + e/20) W + b + e/2 in cm/s, where a and b are the slope and
 the offset of its class and e is normal with mean 0 and the class's standard deviation s, drawn once
-for each object, and again while a + e/20 < 0. The crosswind leeway is likewise, with its own
+for each object, and again while a + e/20 < 0. The crosswind leeway has the same form, with its own
 coefficients and its own e. Half of the objects go to the right of the wind and half to the left.
 
 Now and then, an object changes to the other side, which is called jibing: some 4% per hour.

@@ -397,7 +397,7 @@ class _Program:
             self._add_row(drones, drones, np.array(out + into), values)
 
     def _count_looks(self, flow: _Flow) -> None:
-        """The number of looks at a cell is that of drones that look at it."""
+        """A cell gets as many looks as there are drones that look at it."""
         looking: dict[int, list[int]] = {}
         for number, arc in enumerate(flow.arcs):
             if arc.looks:

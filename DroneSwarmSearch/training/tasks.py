@@ -180,12 +180,11 @@ class Task:
         return result(episodes=Episodes.joined(flown))
 
     def yardstick(self, searches: Sequence[int] = (), *, progress: bool = True) -> Floats:
-        """What plans find that know what no policy does, in held-out searches: float64, (n,).
+        """The success of plans that know more than any policy, in held-out searches: float64, (n,).
 
-        They are those of `planner` with half a second of work each, and exact. With several persons
-        who drift together, a plan knows the hypothesis by which they do, drawn anew for each
-        search, and its drones hear each other. The mean over all searches is the 100 of the
-        benchmark's score.
+        `planner` works half a second on each plan, and the success is exact. If several persons
+        drift together, a plan knows by which hypothesis, drawn anew for each search, and its drones
+        hear each other. The benchmark's score counts the mean over all searches as 100.
 
         Args:
             searches: their numbers; all by default.
