@@ -777,6 +777,7 @@ def incident(theme: Theme, sampling: Sampling) -> Figure:
 METHODS = {
     "bound": "bound of any policy",
     "planner": "planner",
+    "rollout": "planner",
     "imitation": "network",
     "greedy-forecast": "greedy",
     "greedy-posterior": "greedy",
