@@ -67,7 +67,7 @@ suite:
 golden *options:
     python tests/golden/regenerate.py {{ options }}
 
-# regenerate the leaderboard; takes half an hour, or less if it was interrupted
+# regenerate the leaderboard; takes an hour on two cores, or less if it was interrupted
 leaderboard *options:
     python -m DroneSwarmSearch leaderboard --submissions docs/leaderboard/submissions.csv --out docs/leaderboard {{ options }}
     python benchmarks/leaderboard_page.py
