@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from DroneSwarmSearch._internal import checks
 from DroneSwarmSearch._internal.arrays import Floats
@@ -265,6 +266,15 @@ def _flown(policy: PolicyLike, search: NamedSearch, seeds: Sequence[int], view: 
 # The samplers.
 
 
+def _directions(angles: ArrayLike) -> Floats:
+    """Unit vectors, (..., 2), rounded because libraries differ in the last digits of sines.
+
+    So the held-out searches are the same on every machine.
+    """
+    directions: Floats = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return directions.round(8)
+
+
 def _turning(grid_size: int, limit: int, rng: np.random.Generator) -> dict[str, Any]:
     """Draw a person whom a fast current carries round a circle, four cells inside of the grid."""
     speed = 0.7
@@ -274,9 +284,9 @@ def _turning(grid_size: int, limit: int, rng: np.random.Generator) -> dict[str, 
     centre = (grid_size - 1) / 2.0 + rng.uniform(-room, room, 2)
     angle = rng.uniform(0.0, 2.0 * np.pi)
     side = rng.choice([-1.0, 1.0])
-    start = centre + radius * np.array([np.cos(angle), np.sin(angle)])
+    start = centre + radius * _directions(angle)
     angles = angle + side * (np.pi / 2.0 + 2.0 * np.pi / period * np.arange(limit))
-    current = speed * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    current = speed * _directions(angles)
     drift = Drift(start, start_sd=3.0, vector=current, diffusion=0.05)
     return {"persons": [Person(drift, probability_of_detection=0.8)]}
 
@@ -285,11 +295,11 @@ def _wreck(grid_size: int, speed: float, adrift: int, rng: np.random.Generator) 
     """Draw a wreck in the middle third, whose six persons drift to one of eight sides, or stay."""
     start = rng.uniform(grid_size / 3.0, 2.0 * grid_size / 3.0, 2)
     angles = rng.uniform(0.0, 2.0 * np.pi) + np.arange(8) * np.pi / 4.0
-    currents = [(speed * np.cos(angle), speed * np.sin(angle)) for angle in angles]
+    currents = [*(speed * _directions(angles)), np.zeros(2)]
     diffusion = 0.8 / adrift
     drifts = [
         Drift(start, start_sd=1.0, vector=current, diffusion=diffusion, adrift=adrift)
-        for current in [*currents, (0.0, 0.0)]
+        for current in currents
     ]
     return {"persons": [Person(drifts, probability_of_detection=0.9)] * 6}
 
