@@ -47,10 +47,10 @@ def evaluate(
 ) -> Evaluation:
     """Evaluate a policy on a search.
 
-    Success and time are exact if the policy is deterministic and there is one person; in the
-    coverage mission, everything is if the policy is deterministic. Otherwise, they are means over
-    sampled paths of the probability of success given the path (conditional Monte Carlo). Returns
-    and endings are sampled: they come from the episodes.
+    Success and time are exact if the policy is deterministic and there is one person. In the
+    coverage mission, all measures of a deterministic policy are exact. Otherwise, success and time
+    are means over sampled paths of the probability of success given the path (conditional Monte
+    Carlo). Returns and endings come from the episodes that were played.
 
     All policies use common random numbers. A portion of 500 episodes is played by a deep copy of
     the policy. Two optional methods of the policy are called: `prepare(drones)` with the drones'
