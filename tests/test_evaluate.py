@@ -225,7 +225,7 @@ def test_a_policy_is_prepared_once_and_copied_for_every_portion(monkeypatch, tmp
                 return dict.fromkeys(shown, idle)
             return np.full((len(shown["row"]), 3), idle)
 
-    evaluate(Listener(), named(), episodes=6, seed=10, view="swarm", progress=False)
+    evaluate(Listener(), named(), episodes=6, seed=10, progress=False)
     prepared, *portions = log.read_text().splitlines()
     assert prepared == "prepare ((1, 1), (4, 5), (5, 0))"
     assert portions == ["reset [10, 11, 12, 13] None after 0", "reset [14, 15] None after 0"]

@@ -142,6 +142,42 @@ def test_names_that_look_alike_have_files_of_their_own(tmp_path):
     assert sorted(tmp_path.iterdir()) == [tmp_path / "finished"]
 
 
+SLOW = """
+import numpy as np
+
+
+class Slow:
+    def __init__(self, scenario):
+        self.size = scenario.grid_size
+
+    def prepare(self, drones):
+        if self.size == 8:
+            raise KeyboardInterrupt
+
+    def __call__(self, shown):
+        return np.full(shown["positions"].shape[:2], 5)
+"""
+
+
+def test_an_interruption_while_policies_are_prepared_loses_no_other_result(tmp_path):
+    path = tmp_path / "slow.py"
+    path.write_text(SLOW, "utf-8")
+    searches = [small("six"), small("eight", grid_size=8), small("seven", grid_size=7)]
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        leaderboard(
+            ["random"],
+            searches,
+            added=[f"{path}:Slow"],
+            episodes=4,
+            out=out,
+            bounds=False,
+            progress=False,
+        )
+    kept = {file.name.rsplit(".", 2)[0] for file in (out / "finished").iterdir()}
+    assert kept == {"random.six", "random.eight", "random.seven", "Slow.six"}
+
+
 @pytest.mark.parametrize("name", ["", " ", "\0", "a\nb", "x" * 101, "\u202e"])
 def test_names_must_be_printable(name):
     message = "name must be text of 1 to 100 printable characters"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -175,23 +175,10 @@ def evaluate_cases(
             if known is not None:
                 done[case] = known
     left = [case for case in cases if case not in done]
-    # Policies are prepared first, each once.
-    preparations = [partial(prepared, case.spec, case.search) for case in left]
-    policies = list(workers.finished(preparations, "policies"))
-    calls = [
-        partial(_rolled_out, policy, case, seeds)
-        for case, policy in zip(left, policies, strict=True)
-        for seeds in portions
-    ]
-    parts: list[Episodes] = []
-    for job, part in enumerate(workers.finished(calls, "evaluation")):
-        parts.append(part)
-        if len(parts) == len(portions):
-            case = left[job // len(portions)]
-            whole = Episodes.joined(parts)
-            done[case] = whole.with_common_curve() if case.is_exact else whole
-            folder.save(case.label, facts[case], done[case])
-            parts = []
+    for group in _groups(left, workers):
+        for case, result in _evaluated(group, portions, workers):
+            done[case] = result
+            folder.save(case.label, facts[case], result)
     return [
         Evaluation(
             policy=case.spec.name,
@@ -204,6 +191,40 @@ def evaluate_cases(
         )
         for case in cases
     ]
+
+
+def _groups(cases: Sequence[Case], workers: Workers) -> list[list[Case]]:
+    """Divide cases, so that an interruption loses little of the work of preparing policies.
+
+    The first group has all policies that need no preparation. The others may plan for minutes, so
+    there is one for each worker in a group; on Ray, all of them are in one.
+    """
+    quick = [case for case in cases if not hasattr(case.spec.kind, "prepare")]
+    slow = [case for case in cases if hasattr(case.spec.kind, "prepare")]
+    size = workers.workers if workers.ray is None else max(len(slow), 1)
+    return [quick, *(slow[first : first + size] for first in range(0, len(slow), size))]
+
+
+def _evaluated(
+    cases: Sequence[Case], portions: Sequence[range], workers: Workers
+) -> Iterator[tuple[Case, Episodes]]:
+    """Evaluate some cases, and yield each with its episodes as soon as they are complete."""
+    # Policies are prepared first, each once.
+    preparations = [partial(prepared, case.spec, case.search) for case in cases]
+    policies = list(workers.finished(preparations, "policies"))
+    calls = [
+        partial(_rolled_out, policy, case, seeds)
+        for case, policy in zip(cases, policies, strict=True)
+        for seeds in portions
+    ]
+    parts: list[Episodes] = []
+    for job, part in enumerate(workers.finished(calls, "evaluation")):
+        parts.append(part)
+        if len(parts) == len(portions):
+            case = cases[job // len(portions)]
+            whole = Episodes.joined(parts)
+            yield case, whole.with_common_curve() if case.is_exact else whole
+            parts = []
 
 
 def bounds_of(

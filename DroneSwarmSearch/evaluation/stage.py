@@ -41,7 +41,7 @@ def view_of(spec: PolicySpec, search: NamedSearch, view: View | str | None) -> V
         return given.over(View("swarm", hears_all=spec.kind.knows == ALL))
     if given.form is not None:
         return given
-    own = getattr(prepared(spec, search), "view", None)
+    own = getattr(spec.make(search.scenario), "view", None)
     return given.over(own if isinstance(own, View) else View(own))
 
 
