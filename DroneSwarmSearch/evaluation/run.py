@@ -197,7 +197,7 @@ def _groups(cases: Sequence[Case], workers: Workers) -> list[list[Case]]:
     """Divide cases, so that an interruption loses little of the work of preparing policies.
 
     The first group has all policies that need no preparation. The others may plan for minutes, so
-    there is one for each worker in a group; on Ray, all of them are in one.
+    each further group has one for each worker; on Ray, one group has them all.
     """
     quick = [case for case in cases if not hasattr(case.spec.kind, "prepare")]
     slow = [case for case in cases if hasattr(case.spec.kind, "prepare")]
